@@ -174,11 +174,9 @@ Outcome identify(const Experiment& e, bool verbose) {
     full.step_tolerance = 1e-2;
     if (verbose) {
         std::printf("# %zu nodes, interval %td, first matching sd %.3g\n", result.residual->plan().nodes.size(),
-                    result.residual->interval(), result.residual->matching_sd()[0]);
+                    result.residual->interval(), result.residual->matching_sd(result.residual->initial_set())[0]);
         full.progress = [&](int iteration, double objective) {
-            const auto& groups = result.residual->groups();
-            std::printf("#   %d: %.6g, q %.2g, s %.3g, %.2f s\n", iteration, objective,
-                        result.residual->matching_sd()[0], groups[0].scale.value, now() - t1);
+            std::printf("#   %d: %.6g, %.2f s\n", iteration, objective, now() - t1);
             std::fflush(stdout);
         };
     }

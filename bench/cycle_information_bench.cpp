@@ -68,7 +68,7 @@ Study study(const bench::MeasuredOrbits& measured, const Errors& errors, int rep
         const auto cycles = measured.noisy(e, d, 0);
         const orbits::CycleResidual residual(measured.system, measured.binding, cycles, 0.0, truth, {},
                                              residual_options(errors));
-        const auto values = residual.evaluate(truth, {}, true);
+        const auto values = residual.evaluate(residual.initial_set(), truth, {}, true);
         for (std::size_t b = 0; b < values.size(); ++b) {
             if (!residual.layout()[b].active || values[b].status != estimator::BlockStatus::ok) continue;
             const MatrixXd root =

@@ -208,6 +208,7 @@ public:
         for (const tests::LeastSquares& part : parts) {
             blocks_.push_back(tests::residual_of(part, groups_[0]));
             layout_.push_back(blocks_.back().layout()[0]);
+            sets_.push_back(blocks_.back().initial_set());
         }
     }
     [[nodiscard]] std::string_view type() const override { return "peaks"; }
@@ -217,25 +218,21 @@ public:
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override {
         return std::vector<Eigen::VectorXd>(layout_.size());
     }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet&, const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>&,
                                                               bool derivatives) const override {
         std::vector<estimator::BlockValue> values(blocks_.size());
         tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-            values[b] = std::move(blocks_[b].evaluate(theta, {Eigen::VectorXd()}, derivatives)[0]);
+            values[b] = std::move(blocks_[b].evaluate(sets_[b], theta, {Eigen::VectorXd()}, derivatives)[0]);
         });
         return values;
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
 private:
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
     std::vector<tests::FunctionResidual> blocks_;
+    std::vector<estimator::ActiveSet> sets_;
 };
 
 void many_residuals() {

@@ -12,6 +12,7 @@
 // l, k1, k2, k3 unknown.
 
 #include <chrono>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -136,19 +137,16 @@ void paper_method(const Experiment& from, const std::vector<std::pair<std::strin
     orbits::CycleResidualOptions options;
     options.targets.weights = orbits::CycleWeights::equal;
     options.targets.sensor = e.sensor;
-    orbits::CycleResidual residual(e.system, e.binding, found.cycles, e.series.phase, start_of(e), {}, options);
-    // Orbits that are not found at the start are left out until update_active_set() finds them.
-    const auto values = residual.evaluate(start_of(e), residual.initial_latents(), false);
-    std::size_t lost = 0;
-    for (std::size_t b = 0; b < values.size(); ++b)
-        if (values[b].status != estimator::BlockStatus::ok) {
-            residual.deactivate(b);
-            ++lost;
-        }
+    const orbits::CycleResidual residual(e.system, e.binding, found.cycles, e.series.phase, start_of(e), {}, options);
+    // The estimator leaves out orbits that are not found at the start until update_active_set() finds them.
+    const auto values = residual.evaluate(residual.initial_set(), start_of(e), residual.initial_latents(), false);
+    const auto lost = std::count_if(values.begin(), values.end(), [](const estimator::BlockValue& value) {
+        return value.status != estimator::BlockStatus::ok;
+    });
     estimator::EstimateOptions estimation;
     estimation.verdict = false;
     const auto estimate = estimator::estimate(e.parameters, {&residual}, {}, estimation);
-    std::printf("  the paper's method, %zu cycles (%zu lost at the start), %s (%s), %.2f s\n   ", found.cycles.size(),
+    std::printf("  the paper's method, %zu cycles (%td lost at the start), %s (%s), %.2f s\n   ", found.cycles.size(),
                 lost, std::string(name(estimate.status)).c_str(), estimate.message.c_str(), now() - begin);
     Eigen::VectorXd theta(std::ssize(e.parameters));
     for (std::size_t i = 0; i < e.parameters.size(); ++i)

@@ -114,7 +114,8 @@ void compare_iterations(std::size_t sections) {
         const auto evaluation = [&](bool derivatives) {
             const orbits::ShootingResidual residual(e.system, e.binding, e.series, shooting);
             const auto latents = residual.initial_latents();
-            return cost_of([&] { (void)residual.evaluate(start, latents, derivatives); });
+            const auto active = residual.initial_set();
+            return cost_of([&] { (void)residual.evaluate(active, start, latents, derivatives); });
         };
         const Cost plain = evaluation(false), full = evaluation(true);
         const auto our_run = [&](int iterations) {

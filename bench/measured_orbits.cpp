@@ -111,7 +111,7 @@ MeasuredOrbits measured_orbits(const std::string& job, const std::string& cycles
     options.targets.multipliers = true;  // states of rest too
     const orbits::CycleResidual residual(result.system, result.binding, result.cycles, 0.0, result.truth(), {},
                                          options);
-    const auto solved = residual.orbits(result.truth());
+    const auto solved = residual.orbits(residual.initial_set(), result.truth());
     for (std::size_t b = 0; b < solved.size(); ++b) {
         if (solved[b].status != periodic::OrbitStatus::converged) continue;
         orbits::Cycle cycle;

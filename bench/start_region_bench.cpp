@@ -61,7 +61,8 @@ identification::CycleStart by_one_estimate(const bench::MeasuredOrbits& measured
     orbits::LiftedCycleResidual lifted(measured.system, measured.binding, cycles, 0.0, result.theta, options);
     const auto estimate = estimator::estimate(parameters, {&lifted}, {}, rough);
     move(estimate);
-    result.nodes = lifted.nodes(estimate.latents.empty() ? lifted.initial_latents() : estimate.latents.front());
+    result.nodes = estimate.latents.empty() ? lifted.nodes(lifted.initial_set(), lifted.initial_latents())
+                                            : lifted.nodes(estimate.active.front(), estimate.latents.front());
     return result;
 }
 

@@ -23,13 +23,9 @@ public:
     const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
     estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
     std::vector<Eigen::VectorXd> initial_latents() const override { return {Eigen::VectorXd(0)}; }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
-    std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>&,
+    std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet&, const Eigen::VectorXd& theta,
+                                                const std::vector<Eigen::VectorXd>&,
                                                 bool /*derivatives*/) const override {
         const auto count = static_cast<Eigen::Index>(periods_.size());
         estimator::BlockValue value;

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "apps/results/checkpoint_archive.hpp"
@@ -78,15 +79,93 @@ inline void fields(apps::Archive& archive, SloppyDirection& value) {
     archive(components, sd);
 }
 
+/// Parameters of a density, one to three numbers.
+template <class Prior>
+void transfer_prior(apps::Archive& archive, Prior& value) {
+    constexpr std::size_t numbers = std::is_empty_v<Prior> ? 0 : sizeof(Prior) / sizeof(double);
+    if constexpr (numbers == 1) {
+        auto& [a] = value;
+        archive(a);
+    } else if constexpr (numbers == 2) {
+        auto& [a, b] = value;
+        archive(a, b);
+    } else if constexpr (numbers == 3) {
+        auto& [a, b, c] = value;
+        archive(a, b, c);
+    }
+}
+inline void fields(apps::Archive& archive, FlatPrior& value) {
+    transfer_prior(archive, value);
+}
+inline void fields(apps::Archive& archive, NormalPrior& value) {
+    transfer_prior(archive, value);
+}
+inline void fields(apps::Archive& archive, LogNormalPrior& value) {
+    transfer_prior(archive, value);
+}
+inline void fields(apps::Archive& archive, UniformPrior& value) {
+    transfer_prior(archive, value);
+}
+inline void fields(apps::Archive& archive, HalfNormalPrior& value) {
+    transfer_prior(archive, value);
+}
+inline void fields(apps::Archive& archive, HalfCauchyPrior& value) {
+    transfer_prior(archive, value);
+}
+inline void fields(apps::Archive& archive, GammaPrior& value) {
+    transfer_prior(archive, value);
+}
+inline void fields(apps::Archive& archive, StudentPrior& value) {
+    transfer_prior(archive, value);
+}
+
+inline void fields(apps::Archive& archive, ErrorScale& value) {
+    auto& [estimate, at, prior] = value;
+    archive(estimate, at, prior);
+}
+
+inline void fields(apps::Archive& archive, ErrorParameter& value) {
+    auto& [estimate, at, prior] = value;
+    archive(estimate, at, prior);
+}
+
+inline void fields(apps::Archive&, NormalErrors&) {}
+inline void fields(apps::Archive& archive, StudentErrors& value) {
+    archive(value.dof);
+}
+inline void fields(apps::Archive&, LaplaceErrors&) {}
+inline void fields(apps::Archive&, LogNormalErrors&) {}
+inline void fields(apps::Archive& archive, RelativeErrors& value) {
+    archive(value.relative);
+}
+inline void fields(apps::Archive& archive, AutoregressiveErrors& value) {
+    archive(value.correlation);
+}
+
+inline void fields(apps::Archive& archive, Group& value) {
+    auto& [name, unit, scale, distribution, floor, factor, ordered, interval, interval_unit] = value;
+    archive(name, unit, scale, distribution, floor, factor, ordered, interval, interval_unit);
+}
+
+inline void fields(apps::Archive& archive, BlockLayout& value) {
+    auto& [label, group, shape, deviation, observed, latents, constraints, linked_from, next, size, active] = value;
+    archive(label, group, shape, deviation, observed, latents, constraints, linked_from, next, size, active);
+}
+
+inline void fields(apps::Archive& archive, ActiveSet& value) {
+    auto& [groups, layout, latents, is_intermediate_stage, memory] = value;
+    archive(groups, layout, latents, is_intermediate_stage, memory);
+}
+
 inline void fields(apps::Archive& archive, Estimate& value) {
     auto& [status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
            correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
            effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
-           evaluations, rounds, remaining, history] = value;
+           evaluations, rounds, remaining, history, active] = value;
     archive(status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
             correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
             effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
-            evaluations, rounds, remaining, history);
+            evaluations, rounds, remaining, history, active);
 }
 
 inline void fields(apps::Archive& archive, StartedRun& value) {
@@ -162,11 +241,6 @@ namespace orbid::identification {
 
 using apps::Archive;
 
-inline void fields(Archive& archive, ResidualChange& value) {
-    auto& [refreshed, block, theta, latents, scales] = value;
-    archive(refreshed, block, theta, latents, scales);
-}
-
 inline void fields(Archive& archive, CycleStart& value) {
     auto& [theta, nodes, iterations, evaluations] = value;
     archive(theta, nodes, iterations, evaluations);
@@ -200,8 +274,8 @@ inline void fields(Archive& archive, ComparisonResult& value) {
 }
 
 inline void fields(Archive& archive, StageValue& value) {
-    auto& [skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes] = value;
-    archive(skipped, search, prediction, cycles, best_start, optima, runs, estimate, changes);
+    auto& [skipped, search, prediction, cycles, best_start, optima, runs, estimate] = value;
+    archive(skipped, search, prediction, cycles, best_start, optima, runs, estimate);
 }
 
 }  // namespace orbid::identification

@@ -39,16 +39,16 @@ double nearest_prediction(double observed, double e, bool angle) {
 
 }  // namespace
 
-void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
-                    const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
-                    std::vector<ResidualRow>& rows) {
+void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const estimator::ActiveSet& active,
+                    const orbits::CycleSearch& search, const estimator::Estimate& estimate,
+                    const std::vector<estimator::BlockValue>& values, std::vector<ResidualRow>& rows) {
     const auto coordinates = work.system().coordinates();
     const auto n = static_cast<Eigen::Index>(coordinates.size());
     const std::string experiment = work.job.orbits->file ? std::string() : work.job.data[work.job.orbits->data].name;
     for (std::size_t b = 0; b < values.size(); ++b) {
         if (values[b].e.size() == 0) continue;
         const orbits::Cycle& cycle = search.cycles[residual.cycle_of(b)];
-        const auto& layout = residual.layout()[b];
+        const auto& layout = active.layout[b];
         Eigen::Index position = 0;  // points come first, coordinate fastest
         for (Eigen::Index i = 0; i < values[b].e.size(); ++i) {
             const auto& group = residual.groups()[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];

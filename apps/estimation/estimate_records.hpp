@@ -20,9 +20,9 @@ namespace orbid::apps {
 
 /// One row per coordinate of every point of the cycles used; times as phase of the forcing [rad].
 /// @param values  of the estimate, one per block of `residual`; lost cycles (empty) are left out.
-void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
-                    const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
-                    std::vector<ResidualRow>& rows);
+void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const estimator::ActiveSet& active,
+                    const orbits::CycleSearch& search, const estimator::Estimate& estimate,
+                    const std::vector<estimator::BlockValue>& values, std::vector<ResidualRow>& rows);
 
 /// One row per reading of the fitted segments, in time order.
 /// @param experiment  index into Job::data.

@@ -63,20 +63,20 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
 }
 
 /// Stores the orbits that belong to the measured cycles at the estimate.
-void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, const orbits::CycleSearch& search,
-                  const models::ParameterBinding& binding, const Eigen::VectorXd& theta,
-                  const Fingerprint& fingerprint) {
+void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, const estimator::ActiveSet& active,
+                  const orbits::CycleSearch& search, const models::ParameterBinding& binding,
+                  const Eigen::VectorXd& theta, const Fingerprint& fingerprint) {
     std::vector<std::string> names;
     for (const Eigen::Index parameter : binding.parameter)
         names.emplace_back(work.job.model.parameter(parameter).name);
     ComputedOrbits orbits;
-    const auto found = residual.orbits(theta);
+    const auto found = residual.orbits(active, theta);
     for (std::size_t b = 0; b < found.size(); ++b) {
         ComputedOrbit& computed = orbits.list.emplace_back();
         computed.orbit = found[b];
         computed.origin = "cycle";
         computed.message = orbit_message(found[b]);
-        if (computed.converged() && !residual.layout()[b].active)
+        if (computed.converged() && !active.layout[b].active)
             computed.message = "the model has this orbit at the estimate, but the estimate does not use it";
         show_start(computed.orbit, search.cycles[residual.cycle_of(b)].points);
     }
@@ -100,10 +100,11 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
     };
     std::size_t index = 0;
     if (residuals.cycles) {
-        add_cycle_rows(work, *residuals.cycles, search, estimate, estimate.residuals[index++], rows);
+        const estimator::ActiveSet& active = estimate.active[index];
+        add_cycle_rows(work, *residuals.cycles, active, search, estimate, estimate.residuals[index++], rows);
         if (!job.periodic)
-            store_orbits(work, *residuals.cycles, search, identification::searched_binding(problem, setup), theta,
-                         context.fingerprint);
+            store_orbits(work, *residuals.cycles, active, search, identification::searched_binding(problem, setup),
+                         theta, context.fingerprint);
     }
     for (std::size_t i = 0; i < residuals.series.size(); ++i, ++index) {
         const std::size_t experiment = residuals.experiments[i];
@@ -124,8 +125,9 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
     }
     if (residuals.waveform.residual) {
         add_waveform_rows(job, residuals.waveform, estimate, estimate.residuals[index], rows);
-        add_steady_states(job, residuals.waveform, theta, estimate.latents[index], sds(index), context);
-        for (const auto& plot : waveform_plots(job, residuals.waveform, theta, estimate.latents[index]))
+        const estimator::ActiveSet& active = estimate.active[index];
+        add_steady_states(job, residuals.waveform, active, theta, estimate.latents[index], sds(index), context);
+        for (const auto& plot : waveform_plots(job, residuals.waveform, active, theta, estimate.latents[index]))
             work.folder.store(plot.first, plot.second);
     }
     return rows;

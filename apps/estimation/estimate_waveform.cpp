@@ -56,16 +56,16 @@ void add_waveform_rows(const Job& job, const ProblemWaveform& waveform, const es
     }
 }
 
-void add_steady_states(const Job& job, const ProblemWaveform& waveform, const Eigen::VectorXd& theta,
-                       const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
-                       ResultContext& context) {
+void add_steady_states(const Job& job, const ProblemWaveform& waveform, const estimator::ActiveSet& active,
+                       const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                       const std::vector<Eigen::VectorXd>& sds, ResultContext& context) {
     const periodic::WaveformResidual& residual = *waveform.residual;
-    const auto orbits = residual.solutions(theta);
+    const auto orbits = residual.solutions(active, theta);
     for (std::size_t b = 0; b < orbits.size(); ++b) {
         SteadyState state;
         state.experiment = job.data[waveform.places[b].experiment].name;
         state.segment = residual.records()[b].label;
-        state.used = residual.layout()[b].active;
+        state.used = active.layout[b].active;
         state.orbit = orbits[b];
         const auto& unknowns = residual.unknowns(b);
         const auto sd_at = [&](Index unknown) {
@@ -90,11 +90,12 @@ void add_steady_states(const Job& job, const ProblemWaveform& waveform, const Ei
 }
 
 std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, const ProblemWaveform& waveform,
+                                                                const estimator::ActiveSet& active,
                                                                 const Eigen::VectorXd& theta,
                                                                 const std::vector<Eigen::VectorXd>& latents) {
     constexpr std::size_t places = 401;
     const periodic::WaveformResidual& residual = *waveform.residual;
-    const auto orbits = residual.solutions(theta);
+    const auto orbits = residual.solutions(active, theta);
     std::vector<WaveformPanel> panels(residual.channels().size());
     for (std::size_t b = 0; b < orbits.size(); ++b) {
         if (orbits[b].status != periodic::OrbitStatus::converged) continue;
@@ -107,7 +108,7 @@ std::vector<std::pair<std::string, std::string>> waveform_plots(const Job& job, 
             shares[k] = static_cast<double>(k) / static_cast<double>(places - 1);
             times[k] = (shares[k] - share) * time;
         }
-        const Eigen::MatrixXd computed = residual.readings(b, theta, orbits[b], latents[b], times);
+        const Eigen::MatrixXd computed = residual.readings(active, b, theta, orbits[b], latents[b], times);
         if (computed.size() == 0) continue;
         Eigen::VectorXd at = record.times.array() / time + share;
         at = at.array() - at.array().floor();

@@ -24,13 +24,13 @@ void add_waveform_rows(const Job& job, const ProblemWaveform& waveform, const es
 
 /// Phases, offsets and periodic solutions at the estimate.
 /// @param latents, sds  of the estimate, one per block; `sds` may be empty.
-void add_steady_states(const Job& job, const ProblemWaveform& waveform, const Eigen::VectorXd& theta,
-                       const std::vector<Eigen::VectorXd>& latents, const std::vector<Eigen::VectorXd>& sds,
-                       ResultContext& context);
+void add_steady_states(const Job& job, const ProblemWaveform& waveform, const estimator::ActiveSet& active,
+                       const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
+                       const std::vector<Eigen::VectorXd>& sds, ResultContext& context);
 
 /// One plot per observed coordinate: name of the file and its content.
 [[nodiscard]] std::vector<std::pair<std::string, std::string>> waveform_plots(
-    const Job& job, const ProblemWaveform& waveform, const Eigen::VectorXd& theta,
+    const Job& job, const ProblemWaveform& waveform, const estimator::ActiveSet& active, const Eigen::VectorXd& theta,
     const std::vector<Eigen::VectorXd>& latents);
 
 }  // namespace orbid::apps

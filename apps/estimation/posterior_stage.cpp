@@ -127,7 +127,7 @@ private:
 }  // namespace
 
 void explore_posterior(const Workspace& work, const std::vector<estimator::FreeParameter>& parameters,
-                       const std::vector<estimator::Residual*>& residuals,
+                       const std::vector<const estimator::Residual*>& residuals,
                        const std::vector<estimator::DerivedQuantity>& derived,
                        const estimator::EstimateOptions& options, const estimator::Estimate& estimate,
                        Checkpoint& checkpoint, PosteriorResults& results) {
@@ -154,7 +154,7 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
 }
 
 LogEvidence evidence_of(const Job& job, const std::vector<estimator::FreeParameter>& parameters,
-                        const std::vector<estimator::Residual*>& residuals, const estimator::EstimateOptions& options,
+                        const std::vector<const estimator::Residual*>& residuals, const estimator::EstimateOptions& options,
                         const estimator::Estimate& estimate) {
     const auto terms = estimator::evidence_terms(parameters, residuals, options, estimate);
     const estimator::Evidence evidence = estimator::log_evidence(terms);

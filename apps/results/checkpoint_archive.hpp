@@ -11,6 +11,7 @@
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
@@ -102,6 +103,15 @@ private:
         if (!there) return;
         if (!value) value.emplace();
         transfer(*value);
+    }
+    template <class... T>
+    void transfer(std::variant<T...>& value) {
+        std::size_t index = value.index();
+        transfer(index);
+        if (index >= sizeof...(T)) throw DamagedCheckpoint("a checkpoint holds an unknown kind");
+        std::size_t place = 0;
+        if (index != value.index()) ((place++ == index ? static_cast<void>(value = T{}) : void()), ...);
+        std::visit([&](auto& one) { transfer(one); }, value);
     }
     template <int Rows, int Columns>
     void transfer(Eigen::Matrix<double, Rows, Columns>& matrix) {

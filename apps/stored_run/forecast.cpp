@@ -237,7 +237,7 @@ void forecast_samples(const PredictionJob& job, const Experiment& record, Foreca
     std::vector<Eigen::VectorXd> latents;
     for (std::size_t b = 0; b < blocks; ++b)
         latents.push_back(free_part(*residual, beginnings[b].ok ? beginnings[b].state : residual->guessed_state(b)));
-    const auto values = residual->evaluate(theta, latents, true);
+    const auto values = residual->evaluate(residual->initial_set(), theta, latents, true);
     for (std::size_t b = 0; b < blocks; ++b) {
         SegmentForecast one;
         const orbits::Segment& segment = record.series.segments[residual->segment(b)];

@@ -62,16 +62,18 @@ struct NoiseModel {
     [[nodiscard]] double scale(const Eigen::VectorXd& psi, std::size_t channel) const;
 };
 
-/// The laws of all groups of all residuals, in the order of their first channel; channels are numbered across
-/// residuals.
+/// The laws of all groups of all residuals as their active sets have them, in the order of their first channel;
+/// channels are numbered across residuals.
 ///
 /// A group's floor is the lower limit of its ln s (of ln L_ii in a full covariance). The limits of an estimated
 /// coordinate exclude where its prior is zero. V starts at diag(scale^2).
 /// @throws std::invalid_argument naming the group. Values: dof < 1 or > 1e4, |correlation| >= 1, relative < 1e-9,
 ///         negative floor, a fixed scale <= 0, a start where its prior is zero. Covariances: a group in two of them or
 ///         one that does not exist; groups that are not normal, or whose scales are fixed or have priors;
-///         inverse-Wishart with dof <= m - 1 or psi not positive definite. Also priors that are refused by validate().
-[[nodiscard]] std::vector<NoiseModel> error_laws(const std::vector<Residual*>& residuals);
+///         inverse-Wishart with dof <= m - 1 or psi not positive definite. Also priors that are refused by validate(),
+///         and sets of other residuals.
+[[nodiscard]] std::vector<NoiseModel> error_laws(const std::vector<const Residual*>& residuals,
+                                                 const std::vector<ActiveSet>& active);
 
 /// Records of one law in one block: [A | e], records in order (several responses: one response after the other).
 struct LawRecords {

@@ -172,13 +172,16 @@ double NoiseModel::scale(const Eigen::VectorXd& psi, std::size_t channel) const 
     return detail::covariance_triangle<double>(psi, m).row(static_cast<Eigen::Index>(channel)).norm();
 }
 
-std::vector<NoiseModel> error_laws(const std::vector<Residual*>& residuals) {
+std::vector<NoiseModel> error_laws(const std::vector<const Residual*>& residuals,
+                                   const std::vector<ActiveSet>& active) {
+    if (active.size() != residuals.size())
+        throw std::invalid_argument(fmt::format("{} active sets of {} residuals", active.size(), residuals.size()));
     std::vector<NoiseModel> laws;
     int first = 0;
-    for (const Residual* residual : residuals) {
-        const std::vector<Group>& groups = residual->groups();
+    for (std::size_t r = 0; r < residuals.size(); ++r) {
+        const std::vector<Group>& groups = active[r].groups;
         std::vector<bool> taken(groups.size(), false);
-        for (const JointCovariance& covariance : residual->covariances()) {
+        for (const JointCovariance& covariance : residuals[r]->covariances()) {
             check_members(groups, covariance, taken);
             laws.push_back(law_of_several(groups, first, covariance));
         }

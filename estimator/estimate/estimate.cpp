@@ -1,6 +1,7 @@
 #include "estimator/estimate/estimate.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "estimator/estimate/estimate_report.hpp"
 #include "estimator/interface/not_finite.hpp"
@@ -13,9 +14,8 @@ namespace orbid::estimator {
 
 namespace {
 
-std::string label(const Problem& problem, const ActiveBlock& block) {
-    const Residual& residual = *problem.residuals[block.residual];
-    return std::string(residual.type()) + " \"" + residual.layout()[block.block].label + "\"";
+std::string described(const Problem& problem, const BlockSet& set, const ActiveBlock& block) {
+    return std::string(problem.residuals[block.residual]->type()) + " \"" + label_of(set, block) + "\"";
 }
 
 /// Stages lower a continuity error by a factor of two at least: sixty cover more than the digits of a double.
@@ -32,13 +32,15 @@ EstimateStatus status_of(Outcome outcome) {
 /// The rounds of one estimate: minimise, take out blocks that stopped, let the residuals look again.
 class OuterLoop {
 public:
-    OuterLoop(const Problem& problem, State& state) : problem_(problem), state_(state) {
-        for (const Residual* residual : problem.residuals) {
-            ResidualCount count{std::string(residual->type()), 0, 0, 0, 0, {}};
-            count.lost = static_cast<int>(std::count_if(residual->layout().begin(), residual->layout().end(),
+    /// @param active  with which the first minimisation begins.
+    OuterLoop(const Problem& problem, State& state, std::vector<ActiveSet> active) : problem_(problem), state_(state) {
+        for (std::size_t r = 0; r < active.size(); ++r) {
+            ResidualCount count{std::string(problem.residuals[r]->type()), 0, 0, 0, 0, {}};
+            count.lost = static_cast<int>(std::count_if(active[r].layout.begin(), active[r].layout.end(),
                                                         [](const BlockLayout& block) { return !block.active; }));
             counts.push_back(count);
         }
+        set.active = std::move(active);
     }
 
     void run();
@@ -62,16 +64,17 @@ private:
 bool OuterLoop::suspend_stopped() {
     if (half_of_a_residual(set, minimum.stopped)) return false;
     for (const std::size_t b : minimum.stopped) {
-        problem_.residuals[set.blocks[b].residual]->deactivate(set.blocks[b].block);
-        ++counts[set.blocks[b].residual].lost;
+        const ActiveBlock& block = set.blocks[b];
+        set.active[block.residual].layout[block.block].active = false;
+        ++counts[block.residual].lost;
     }
     return true;
 }
 
-/// Blocks that are new, or came back, start from the residual's own latent states.
+/// Blocks that are new, or came back, start from the latent states of the set.
 void OuterLoop::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
-    const auto fresh = problem_.residuals[residual]->initial_latents();
-    const auto& layout = problem_.residuals[residual]->layout();
+    const auto& fresh = set.active[residual].latents;
+    const auto& layout = set.active[residual].layout;
     auto& latents = state_.latents[residual];
     latents.resize(layout.size());
     for (std::size_t b = 0; b < layout.size(); ++b) {
@@ -85,14 +88,15 @@ bool OuterLoop::update_active_set() {
     std::size_t first = 0;
     const Eigen::VectorXd all_scales = scales_of(problem_.laws, state_.psi);
     for (std::size_t r = 0; r < problem_.residuals.size(); ++r) {
-        Residual& residual = *problem_.residuals[r];
+        ActiveSet& active = set.active[r];
         std::vector<bool> was_active;
-        for (const BlockLayout& block : residual.layout())
+        for (const BlockLayout& block : active.layout)
             was_active.push_back(block.active);
-        const auto groups = static_cast<Eigen::Index>(residual.groups().size());
-        const Eigen::VectorXd scales = all_scales.segment(static_cast<Eigen::Index>(first), groups);
-        const RefreshReport report = residual.update_active_set(state_.theta, state_.latents[r], scales);
-        first += residual.groups().size();
+        const Eigen::VectorXd scales =
+            all_scales.segment(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(active.groups.size()));
+        const RefreshReport report =
+            problem_.residuals[r]->update_active_set(active, state_.theta, state_.latents[r], scales);
+        first += active.groups.size();
         counts[r].lost += report.lost;
         counts[r].rejected += report.rejected;
         counts[r].added += report.added;
@@ -102,11 +106,12 @@ bool OuterLoop::update_active_set() {
     return changed;
 }
 
-/// Fixed scales as the residuals have them now; in an intermediate stage the starts of the others as well.
+/// Fixed scales as the sets have them now; in an intermediate stage the starts of the others as well.
 void OuterLoop::read_scales() {
     for (const NoiseModel& law : problem_.laws) {
         if (law.joint()) continue;
-        const double value = group_of(problem_, law.channels.front()).scale.value;
+        const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
+        const double value = set.active[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
         const ErrorCoordinate& scale = law.coordinates.front();
         if (value > 0.0 && (!scale.estimate || set.provisional)) state_.psi[law.first] = scale.at(value);
     }
@@ -116,7 +121,7 @@ void OuterLoop::run() {
     const int limit = problem_.options.maximum_rounds;
     int provisional = 0;
     for (ledger.round = 1;; ++ledger.round) {
-        set = freeze(problem_.residuals, problem_.channels, problem_.laws);
+        set = freeze(problem_.residuals, std::move(set.active), problem_.channels, problem_.laws);
         if (set.provisional) ++provisional;
         if (ledger.round > 1) read_scales();
         minimum = Minimum{};
@@ -130,7 +135,7 @@ void OuterLoop::run() {
             const bool at_start = minimum.outcome == Outcome::start_failed;
             minimum.message =
                 (at_start ? "cannot be evaluated at the start: " : "stopped three steps in a row: ") +
-                label(problem_, set.blocks[minimum.stopped.front()]) +
+                described(problem_, set, set.blocks[minimum.stopped.front()]) +
                 (minimum.stopped.size() > 1 ? " and " + std::to_string(minimum.stopped.size() - 1) + " more of " +
                                                   std::to_string(set.blocks.size()) + " blocks"
                                             : "");
@@ -157,7 +162,7 @@ void OuterLoop::run() {
 
 }  // namespace
 
-Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
                   const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
     if (any_tied(parameters)) {
         const TiedProblem tied = resolve_ties(parameters, residuals, options.joint_priors);
@@ -165,9 +170,10 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
         tied.expand(result);
         return result;
     }
-    const Problem problem = set_up(parameters, residuals, derived, options);
-    State state = initial_state(problem);
-    OuterLoop rounds(problem, state);
+    std::vector<ActiveSet> active = initial_sets(residuals);
+    const Problem problem = set_up(parameters, residuals, active, derived, options);
+    State state = initial_state(problem, active);
+    OuterLoop rounds(problem, state, std::move(active));
     rounds.run();
 
     Estimate result;
@@ -175,8 +181,9 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
     result.message = rounds.minimum.message;
     result.counts = rounds.counts;
     for (std::size_t r = 0; r < residuals.size(); ++r)
-        for (const BlockLayout& block : residuals[r]->layout())
+        for (const BlockLayout& block : rounds.set.active[r].layout)
             if (!block.active) result.counts[r].unused.push_back(block.label);
+    result.active = rounds.set.active;
     result.iterations = rounds.ledger.iterations;
     result.evaluations = rounds.ledger.evaluations;
     result.rounds = rounds.ledger.round;

@@ -14,7 +14,8 @@ namespace orbid::estimator {
 ///
 /// Throws std::invalid_argument naming value and rule: wrong options, starts outside their bounds, a log scale with a
 /// start <= 0, duplicate names.
-[[nodiscard]] Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+[[nodiscard]] Estimate estimate(const std::vector<FreeParameter>& parameters,
+                                const std::vector<const Residual*>& residuals,
                                 const std::vector<DerivedQuantity>& derived = {}, const EstimateOptions& options = {});
 
 }  // namespace orbid::estimator

@@ -197,7 +197,7 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
 void fill_latents(const Problem& problem, const State& state, Estimate& estimate) {
     estimate.latents = state.latents;
     for (std::size_t r = 0; r < problem.residuals.size(); ++r) {
-        const std::size_t count = problem.residuals[r]->layout().size();
+        const std::size_t count = estimate.active[r].layout.size();
         BlockValue none;
         none.status = BlockStatus::failed;
         estimate.residuals.emplace_back(count, none);

@@ -35,8 +35,8 @@ void check_belongs(const Estimate& estimate, std::size_t parameters, std::size_t
     if (estimate.parameters.size() != parameters)
         throw std::invalid_argument("the estimate has " + std::to_string(estimate.parameters.size()) + " parameters, " +
                                     std::to_string(parameters) + " are given");
-    if (estimate.latents.size() != residuals)
-        throw std::invalid_argument("the estimate has " + std::to_string(estimate.latents.size()) + " residuals, " +
+    if (estimate.active.size() != residuals)
+        throw std::invalid_argument("the estimate has " + std::to_string(estimate.active.size()) + " residuals, " +
                                     std::to_string(residuals) + " are given");
 }
 
@@ -77,9 +77,9 @@ Unknown unknown_error(const Group& group, const ErrorCoordinate& coordinate, dou
 
 }  // namespace
 
-Conditional::Conditional(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+Conditional::Conditional(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
                          const EstimateOptions& options, const Estimate& estimate)
-    : tied_(resolve_ties(parameters, residuals, options.joint_priors)), options_(options) {
+    : tied_(resolve_ties(parameters, residuals, options.joint_priors)), options_(options), active_(estimate.active) {
     check_belongs(estimate, parameters.size(), residuals.size());
     start_.latents = estimate.latents;
     start_.errors = errors_of(estimate);
@@ -113,11 +113,11 @@ void Conditional::add_parameters(const Estimate& estimate) {
         }
 }
 
-void Conditional::add_error_parameters(const std::vector<Residual*>& residuals, const Estimate& estimate) {
+void Conditional::add_error_parameters(const std::vector<const Residual*>& residuals, const Estimate& estimate) {
     std::vector<Group> groups;
-    for (const Residual* residual : residuals)
-        groups.insert(groups.end(), residual->groups().begin(), residual->groups().end());
-    for (const NoiseModel& law : error_laws(residuals)) {
+    for (const ActiveSet& set : estimate.active)
+        groups.insert(groups.end(), set.groups.begin(), set.groups.end());
+    for (const NoiseModel& law : error_laws(residuals, estimate.active)) {
         if (law.joint()) continue;
         const Group& group = groups[static_cast<std::size_t>(law.channels.front())];
         const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
@@ -234,10 +234,10 @@ std::vector<JointNormalPrior> Conditional::joint_priors_without(const std::strin
 }
 
 /// Error parameters start where they were found; the one that is held is fixed at its value.
-std::vector<ErrorOverride> Conditional::error_overrides(const Residual& residual, const Unknown* held, double value,
+std::vector<ErrorOverride> Conditional::error_overrides(const ActiveSet& active, const Unknown* held, double value,
                                                         const ConditionalStart& from) const {
     std::vector<ErrorOverride> errors;
-    for (const Group& group : residual.groups())
+    for (const Group& group : active.groups)
         for (const Unknown& other : unknowns_) {
             if (other.parameter >= 0 || other.group != group.name) continue;
             const auto known = std::find_if(from.errors.begin(), from.errors.end(),
@@ -258,7 +258,7 @@ ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const Con
     options.variance = variance;
     options.full_hessian = full_hessian;
     options.verdict = false;
-    options.maximum_rounds = 1;  // sets are frozen
+    options.maximum_rounds = 1;  // sets stay those of the estimate
     options.progress = nullptr;
     std::vector<FreeParameter> parameters;
     for (Eigen::Index i = 0; i < from.theta.size(); ++i) {
@@ -270,11 +270,10 @@ ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const Con
     const ParameterMap map = pinned >= 0 ? ParameterMap::pinned(from.theta.size(), {{pinned, value}})
                                          : ParameterMap::identity(from.theta.size());
     std::vector<std::unique_ptr<MappedResidual>> adapters;
-    std::vector<Residual*> residuals;
+    std::vector<const Residual*> residuals;
     for (std::size_t r = 0; r < tied_.residuals.size(); ++r) {
-        Residual& inner = *tied_.residuals[r];
-        MappedResidualOptions change{error_overrides(inner, unknown, value, from), from.latents[r], true};
-        adapters.push_back(std::make_unique<MappedResidual>(inner, map, std::move(change)));
+        MappedResidualOptions change{error_overrides(active_[r], unknown, value, from), from.latents[r], active_[r]};
+        adapters.push_back(std::make_unique<MappedResidual>(*tied_.residuals[r], map, std::move(change)));
         residuals.push_back(adapters.back().get());
     }
     const Estimate found = estimate(parameters, residuals, {}, options);

@@ -57,13 +57,12 @@ struct ConditionalEstimate {
 
 /// Repeated estimates from the same data with one unknown held: profile likelihoods and nested Laplace.
 ///
-/// Sets of blocks are frozen at construction. The residuals are not changed, and at() may be called from several
-/// threads.
+/// Sets of blocks stay those of the estimate. at() may be called from several threads.
 class Conditional {
 public:
     /// @param estimate  a finished estimate of the same parameters and residuals, the start of every minimisation.
     /// @throws std::invalid_argument when the estimate has other parameters, or failed.
-    Conditional(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+    Conditional(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
                 const EstimateOptions& options, const Estimate& estimate);
 
     /// All parameters that are not tied, then all estimated error parameters except those of full covariances, which
@@ -100,19 +99,20 @@ public:
 
 private:
     void add_parameters(const Estimate& estimate);
-    void add_error_parameters(const std::vector<Residual*>& residuals, const Estimate& estimate);
+    void add_error_parameters(const std::vector<const Residual*>& residuals, const Estimate& estimate);
     [[nodiscard]] const ErrorCoordinate& error_coordinate(const Unknown& unknown) const {
         return error_coordinates_[unknown.place - coordinates_.size()];
     }
     [[nodiscard]] double slope(const Unknown& unknown, double u) const;  ///< d natural / du
-    [[nodiscard]] std::vector<ErrorOverride> error_overrides(const Residual& residual, const Unknown* held,
-                                                             double value, const ConditionalStart& from) const;
+    [[nodiscard]] std::vector<ErrorOverride> error_overrides(const ActiveSet& active, const Unknown* held, double value,
+                                                             const ConditionalStart& from) const;
     [[nodiscard]] ConditionalEstimate run(const Unknown* unknown, double u, const ConditionalStart& from,
                                           Variance variance, bool full_hessian) const;
     [[nodiscard]] std::vector<JointNormalPrior> joint_priors_without(const std::string& name, double value) const;
 
     TiedProblem tied_;
     EstimateOptions options_;
+    std::vector<ActiveSet> active_;
     std::vector<Unknown> unknowns_;
     std::vector<Coordinate> coordinates_;             ///< of the parameters
     std::vector<ErrorCoordinate> error_coordinates_;  ///< of the error parameters among the unknowns

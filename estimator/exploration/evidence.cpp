@@ -6,6 +6,7 @@
 
 #include "estimator/errors/noise_model.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "estimator/problem/block_set.hpp"
 
 namespace orbid::estimator {
 
@@ -46,8 +47,9 @@ std::string in_words(const ImproperPrior& prior) {
 
 }  // namespace
 
-EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
-                             const EstimateOptions& options, const Estimate& estimate) {
+EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters,
+                             const std::vector<const Residual*>& residuals, const EstimateOptions& options,
+                             const Estimate& estimate) {
     EvidenceTerms terms;
     terms.log_integral = estimate.log_integral;
     const bool unfinished =
@@ -78,7 +80,8 @@ EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters, const
     for (const Residual* residual : residuals)
         for (const Group& group : residual->groups())
             groups.push_back(group.name);
-    for (const NoiseModel& law : error_laws(residuals)) {
+    // Priors are the same in all sets.
+    for (const NoiseModel& law : error_laws(residuals, initial_sets(residuals))) {
         if (law.joint()) {
             if (law.inverse_wishart_dof > 0.0) continue;
             std::string together;

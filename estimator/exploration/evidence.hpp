@@ -39,8 +39,8 @@ struct Evidence {
 
 /// Collects what log_evidence() and log_bayes_factor() need; residuals must be those of the estimate.
 [[nodiscard]] EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters,
-                                           const std::vector<Residual*>& residuals, const EstimateOptions& options,
-                                           const Estimate& estimate);
+                                           const std::vector<const Residual*>& residuals,
+                                           const EstimateOptions& options, const Estimate& estimate);
 
 /// ln p(y | model), theta, latent states and error parameters integrated out (Laplace). Requires proper priors: a flat
 /// one leaves an arbitrary factor. Latent states count as flat in their own units.

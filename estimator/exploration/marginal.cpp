@@ -214,9 +214,9 @@ std::string_view name(MarginalEnd end) {
     return names[static_cast<std::size_t>(end)];
 }
 
-std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
-                                const EstimateOptions& options, const Estimate& estimate,
-                                const MarginalOptions& marginal) {
+std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters,
+                                const std::vector<const Residual*>& residuals, const EstimateOptions& options,
+                                const Estimate& estimate, const MarginalOptions& marginal) {
     check_marginal(marginal);
     const Conditional conditional(parameters, residuals, options, estimate);
     const std::vector<Unknown> which = conditional.named(marginal.names);

@@ -70,8 +70,9 @@ struct Marginal {
 /// @throws models::DataError for names of what is not estimated
 /// @throws std::invalid_argument for options out of range, an estimate that failed or is of other parameters
 [[nodiscard]] std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters,
-                                              const std::vector<Residual*>& residuals, const EstimateOptions& options,
-                                              const Estimate& estimate, const MarginalOptions& marginal = {});
+                                              const std::vector<const Residual*>& residuals,
+                                              const EstimateOptions& options, const Estimate& estimate,
+                                              const MarginalOptions& marginal = {});
 
 }  // namespace orbid::estimator
 

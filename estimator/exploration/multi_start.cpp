@@ -97,7 +97,7 @@ void Search::run(const std::vector<std::size_t>& which, const EstimateOptions& o
             const std::lock_guard lock(door);
             owned = factory_();
         }
-        std::vector<Residual*> residuals;
+        std::vector<const Residual*> residuals;
         for (const auto& residual : owned)
             residuals.push_back(residual.get());
         std::vector<FreeParameter> parameters = parameters_;

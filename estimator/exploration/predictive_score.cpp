@@ -24,10 +24,10 @@ struct Place {
 };
 
 /// Active blocks, those that constraints link in one set.
-std::vector<std::vector<Place>> linked_blocks(const std::vector<Residual*>& residuals) {
+std::vector<std::vector<Place>> linked_blocks(const std::vector<ActiveSet>& active) {
     std::vector<std::vector<Place>> sets;
-    for (std::size_t r = 0; r < residuals.size(); ++r) {
-        const std::vector<BlockLayout>& layout = residuals[r]->layout();
+    for (std::size_t r = 0; r < active.size(); ++r) {
+        const std::vector<BlockLayout>& layout = active[r].layout;
         std::vector<std::size_t> root(layout.size());
         std::iota(root.begin(), root.end(), std::size_t{0});
         const auto find = [&](std::size_t b) {
@@ -53,7 +53,7 @@ std::vector<std::vector<Place>> linked_blocks(const std::vector<Residual*>& resi
 /// What an estimate without some blocks needs.
 struct Folds {
     std::vector<FreeParameter> parameters;
-    const std::vector<Residual*>& residuals;
+    const std::vector<const Residual*>& residuals;
     EstimateOptions options;
     const Estimate& estimate;
 
@@ -61,7 +61,7 @@ struct Folds {
     [[nodiscard]] Estimate without(const std::vector<Place>& left_out) const;
 };
 
-Folds folds_of(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+Folds folds_of(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
                const EstimateOptions& options, const Estimate& estimate) {
     Folds result{parameters, residuals, options, estimate};
     result.options.verdict = false;
@@ -76,11 +76,13 @@ Folds folds_of(const std::vector<FreeParameter>& parameters, const std::vector<R
 Estimate Folds::without(const std::vector<Place>& left_out) const {
     const auto count = static_cast<Eigen::Index>(parameters.size());
     std::vector<std::unique_ptr<MappedResidual>> adapters;
-    std::vector<Residual*> adapted;
+    std::vector<const Residual*> adapted;
     std::size_t channel = 0;
     for (std::size_t r = 0; r < residuals.size(); ++r) {
-        MappedResidualOptions change{{}, estimate.latents[r], true};
-        const std::vector<Group>& groups = residuals[r]->groups();
+        MappedResidualOptions change{{}, estimate.latents[r], estimate.active[r]};
+        for (const Place& place : left_out)
+            if (place.residual == r) change.active->layout[place.block].active = false;
+        const std::vector<Group>& groups = change.active->groups;
         std::vector<bool> shared(groups.size(), false);
         for (const JointCovariance& covariance : residuals[r]->covariances())
             for (const int group : covariance.groups)
@@ -94,8 +96,6 @@ Estimate Folds::without(const std::vector<Place>& left_out) const {
             std::make_unique<MappedResidual>(*residuals[r], ParameterMap::identity(count), std::move(change)));
         adapted.push_back(adapters.back().get());
     }
-    for (const Place& place : left_out)
-        adapters[place.residual]->deactivate(place.block);
     return estimator::estimate(parameters, adapted, {}, options);
 }
 
@@ -117,14 +117,15 @@ std::string obstacle(const Estimate& all, const Estimate& part) {
 
 }  // namespace
 
-PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
-                                 const EstimateOptions& options, const Estimate& estimate, int folds) {
+PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters,
+                                 const std::vector<const Residual*>& residuals, const EstimateOptions& options,
+                                 const Estimate& estimate, int folds) {
     if (folds < 2) throw std::invalid_argument("folds = " + std::to_string(folds) + " must be 2 or more");
     if (estimate.status == EstimateStatus::failed)
         throw models::DataError("a predictive score needs an estimate that did not fail: " + estimate.message);
-    if (estimate.parameters.size() != parameters.size() || estimate.latents.size() != residuals.size())
+    if (estimate.parameters.size() != parameters.size() || estimate.active.size() != residuals.size())
         throw std::invalid_argument("a predictive score needs the estimate of the same parameters and residuals");
-    const std::vector<std::vector<Place>> sets = linked_blocks(residuals);
+    const std::vector<std::vector<Place>> sets = linked_blocks(estimate.active);
     if (sets.size() < 2)
         throw models::DataError("a predictive score needs two or more blocks that are not linked to each other, " +
                                 std::to_string(sets.size()) + " found");
@@ -144,7 +145,7 @@ PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters, c
             HeldOut& fold = score.folds[k];
             fold.log_density = nan_value;
             for (const Place& place : left_out[k]) {
-                const BlockLayout& block = residuals[place.residual]->layout()[place.block];
+                const BlockLayout& block = estimate.active[place.residual].layout[place.block];
                 fold.labels.push_back(block.label);
                 fold.records += block.group.size();
             }

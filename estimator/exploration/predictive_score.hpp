@@ -35,7 +35,7 @@ struct PredictiveScore {
 /// block are integrated with a flat density in their own units. Scores of models with the same latent states are
 /// comparable.
 ///
-/// Blocks linked by constraints are left out together. Sets of blocks are frozen; residuals are not changed. Folds are
+/// Blocks linked by constraints are left out together. Sets of blocks stay those of the estimate. Folds are
 /// computed in parallel; the same result for any number of threads. A fold is unknown when the rest does not converge,
 /// leaves a direction undetermined that the fold determines, or leaves an estimated error scale without data.
 ///
@@ -43,7 +43,8 @@ struct PredictiveScore {
 /// @throws models::DataError when there are fewer than two separate sets of blocks, or the estimate failed
 /// @throws std::invalid_argument when folds < 2, or the estimate is of other parameters
 [[nodiscard]] PredictiveScore predictive_score(const std::vector<FreeParameter>& parameters,
-                                               const std::vector<Residual*>& residuals, const EstimateOptions& options,
-                                               const Estimate& estimate, int folds = 10);
+                                               const std::vector<const Residual*>& residuals,
+                                               const EstimateOptions& options, const Estimate& estimate,
+                                               int folds = 10);
 
 }  // namespace orbid::estimator

@@ -37,8 +37,8 @@ struct Threshold {
 };
 
 /// See profiles(). Degrees of freedom are the estimate's own.
-Threshold threshold_of(const Conditional& conditional, const Unknown& unknown, const std::vector<Residual*>& residuals,
-                       const Estimate& estimate, double level) {
+Threshold threshold_of(const Conditional& conditional, const Unknown& unknown,
+                       const std::vector<const Residual*>& residuals, const Estimate& estimate, double level) {
     const boost::math::chi_squared_distribution<double> chi(1.0);
     const Threshold plain{boost::math::quantile(chi, level), "profile chi2"};
     int scales = 0;
@@ -166,8 +166,9 @@ std::string_view name(ProfileEnd end) {
     return names[static_cast<std::size_t>(end)];
 }
 
-std::vector<Profile> profiles(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
-                              const EstimateOptions& options, const Estimate& estimate, const ProfileOptions& profile) {
+std::vector<Profile> profiles(const std::vector<FreeParameter>& parameters,
+                              const std::vector<const Residual*>& residuals, const EstimateOptions& options,
+                              const Estimate& estimate, const ProfileOptions& profile) {
     check_profile(profile);
     const Conditional conditional(parameters, residuals, options, estimate);
     const std::vector<Unknown> which = conditional.named(profile.names);

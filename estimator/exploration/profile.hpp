@@ -69,8 +69,9 @@ struct Profile {
 /// @throws std::invalid_argument for options out of range, an estimate that failed or is of other parameters
 /// Source: Bates and Watts, Nonlinear regression analysis (1988), section 6.1.
 [[nodiscard]] std::vector<Profile> profiles(const std::vector<FreeParameter>& parameters,
-                                            const std::vector<Residual*>& residuals, const EstimateOptions& options,
-                                            const Estimate& estimate, const ProfileOptions& profile = {});
+                                            const std::vector<const Residual*>& residuals,
+                                            const EstimateOptions& options, const Estimate& estimate,
+                                            const ProfileOptions& profile = {});
 
 }  // namespace orbid::estimator
 

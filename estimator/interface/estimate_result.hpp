@@ -150,6 +150,7 @@ struct Estimate {
     /// above its minimum by half of its square.
     double remaining = std::numeric_limits<double>::quiet_NaN();
     std::vector<StepRecord> history;
+    std::vector<ActiveSet> active;  ///< per residual: blocks, fixed scales and memory at the end
 };
 
 }  // namespace orbid::estimator

@@ -57,12 +57,12 @@ void apply(const ErrorOverride& change, std::vector<Group>& groups, const std::v
 
 }  // namespace
 
-MappedResidual::MappedResidual(Residual& inner, ParameterMap map, MappedResidualOptions options)
-    : inner_(&inner), map_(std::move(map)), options_(std::move(options)), groups_(inner.groups()) {
-    const std::vector<JointCovariance> covariances = inner.covariances();
-    for (const ErrorOverride& change : options_.errors)
-        apply(change, groups_, covariances);
-    if (options_.frozen) layout_ = inner.layout();
+MappedResidual::MappedResidual(const Residual& inner, ParameterMap map, MappedResidualOptions options)
+    : inner_(&inner),
+      map_(std::move(map)),
+      options_(std::move(options)),
+      initial_(options_.active ? *options_.active : inner.initial_set()) {
+    override_errors(initial_);
     if (!options_.initial_latents) return;
     const std::vector<BlockLayout>& blocks = layout();
     if (options_.initial_latents->size() != blocks.size())
@@ -73,37 +73,20 @@ MappedResidual::MappedResidual(Residual& inner, ParameterMap map, MappedResidual
             throw std::invalid_argument("block \"" + blocks[b].label +
                                         "\": " + std::to_string((*options_.initial_latents)[b].size()) +
                                         " initial latent states, layout says " + std::to_string(blocks[b].latents));
+    initial_.latents = *options_.initial_latents;
 }
 
-const std::vector<BlockLayout>& MappedResidual::layout() const {
-    return options_.frozen ? layout_ : inner_->layout();
+void MappedResidual::override_errors(ActiveSet& active) const {
+    if (options_.errors.empty()) return;
+    const std::vector<JointCovariance> covariances = inner_->covariances();
+    for (const ErrorOverride& change : options_.errors)
+        apply(change, active.groups, covariances);
 }
 
-std::vector<Eigen::VectorXd> MappedResidual::initial_latents() const {
-    if (!options_.initial_latents) return inner_->initial_latents();
-    const std::vector<BlockLayout>& blocks = layout();
-    const std::vector<Eigen::VectorXd>& given = *options_.initial_latents;
-    const auto fits = [&](std::size_t b) { return b < given.size() && given[b].size() == blocks[b].latents; };
-    bool all = given.size() == blocks.size();
-    for (std::size_t b = 0; all && b < blocks.size(); ++b)
-        all = fits(b);
-    if (all) return given;
-    std::vector<Eigen::VectorXd> latents = inner_->initial_latents();
-    for (std::size_t b = 0; b < blocks.size(); ++b)
-        if (fits(b)) latents[b] = given[b];
-    return latents;
-}
-
-std::vector<BlockValue> MappedResidual::evaluate(const Eigen::VectorXd& theta,
+std::vector<BlockValue> MappedResidual::evaluate(const ActiveSet& active, const Eigen::VectorXd& theta,
                                                  const std::vector<Eigen::VectorXd>& latents, bool derivatives) const {
-    std::vector<BlockValue> values = inner_->evaluate(map_.expand(theta), latents, derivatives);
-    const std::vector<BlockLayout>& blocks = layout();
-    for (std::size_t b = 0; b < values.size(); ++b) {
-        BlockValue& value = values[b];
-        if (!blocks[b].active) {
-            value = BlockValue{};
-            continue;
-        }
+    std::vector<BlockValue> values = inner_->evaluate(active, map_.expand(theta), latents, derivatives);
+    for (BlockValue& value : values) {
         // Only what the wrapped residual filled in: values alone, or a residual without constraints, have no columns.
         if (value.status != BlockStatus::ok) continue;
         if (value.e_theta.cols() == map_.full_size() && value.e_theta.rows() == value.e.size())
@@ -114,23 +97,13 @@ std::vector<BlockValue> MappedResidual::evaluate(const Eigen::VectorXd& theta,
     return values;
 }
 
-RefreshReport MappedResidual::update_active_set(const Eigen::VectorXd& theta,
+RefreshReport MappedResidual::update_active_set(ActiveSet& active, const Eigen::VectorXd& theta,
                                                 const std::vector<Eigen::VectorXd>& latents,
-                                                const Eigen::VectorXd& scales) {
-    if (options_.frozen) return {};
-    const RefreshReport report = inner_->update_active_set(map_.expand(theta), latents, scales);
-    groups_ = inner_->groups();
-    const std::vector<JointCovariance> covariances = inner_->covariances();
-    for (const ErrorOverride& change : options_.errors)
-        apply(change, groups_, covariances);
+                                                const Eigen::VectorXd& scales) const {
+    if (options_.active) return {};
+    const RefreshReport report = inner_->update_active_set(active, map_.expand(theta), latents, scales);
+    override_errors(active);
     return report;
-}
-
-void MappedResidual::deactivate(std::size_t block) {
-    if (options_.frozen)
-        layout_.at(block).active = false;
-    else
-        inner_->deactivate(block);
 }
 
 }  // namespace orbid::estimator

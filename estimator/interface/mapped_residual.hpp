@@ -26,13 +26,11 @@ struct ErrorOverride {
 /// Changes of a MappedResidual besides the parameters.
 struct MappedResidualOptions {
     std::vector<ErrorOverride> errors;
-    /// Latent states to start from, one vector per block of the wrapped residual; empty = its own. If
-    /// update_active_set() changed the number of a block's latent states, it starts from the wrapped residual's own.
+    /// Latent states to start from, one vector per block of the wrapped residual; empty = its own.
     std::optional<std::vector<Eigen::VectorXd>> initial_latents;
-    /// true: the set of blocks is that at construction, update_active_set() does nothing, and deactivated blocks are so
-    /// for this adapter alone. The wrapped residual is never changed, so several frozen adapters of one residual may
-    /// work at the same time.
-    bool frozen = false;
+    /// The wrapped residual's set with which estimates begin and end: update_active_set() does nothing. Empty: its
+    /// initial one, which is updated.
+    std::optional<ActiveSet> active;
 };
 
 /// A residual as a function of a smaller parameter vector. Some parameters are pinned, several tied to one, error
@@ -43,8 +41,8 @@ struct MappedResidualOptions {
 /// Used for other questions to the same data: profile likelihoods pin one parameter, nested Laplace pins error
 /// parameters, multi-start begins elsewhere. The estimated vector has the length and the order of the reduced one.
 ///
-/// update_active_set() and deactivate() are forwarded to the wrapped residual unless frozen, with theta mapped.
-/// update_active_set() receives scales of this adapter's groups, which have the order of the wrapped residual's.
+/// update_active_set() is forwarded to the wrapped residual with theta mapped, unless a set is given. Its sets are
+/// those of the wrapped residual, but for the overridden error parameters.
 class MappedResidual : public Residual {
 public:
     /// `inner` is not owned and must outlive the adapter.
@@ -52,32 +50,31 @@ public:
     /// @throws std::invalid_argument naming the group. Overrides: of an unknown group, of a parameter that its
     ///         distribution does not have, or of a group in a full covariance (its elements belong together). Values:
     ///         not finite or outside the parameter's domain; latent states that do not fit the layout.
-    MappedResidual(Residual& inner, ParameterMap map, MappedResidualOptions options = {});
+    MappedResidual(const Residual& inner, ParameterMap map, MappedResidualOptions options = {});
 
     [[nodiscard]] std::string_view type() const override { return inner_->type(); }
-    [[nodiscard]] const std::vector<Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<BlockLayout>& layout() const override;
+    [[nodiscard]] const std::vector<Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] LatentStructure structure() const override { return inner_->structure(); }
     [[nodiscard]] std::vector<JointCovariance> covariances() const override { return inner_->covariances(); }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
-    [[nodiscard]] std::vector<BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<BlockValue> evaluate(const ActiveSet& active, const Eigen::VectorXd& theta,
                                                    const std::vector<Eigen::VectorXd>& latents,
                                                    bool derivatives) const override;
-    RefreshReport update_active_set(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                    const Eigen::VectorXd& scales) override;
-    void deactivate(std::size_t block) override;
-    [[nodiscard]] bool is_intermediate_stage() const override {
-        return !options_.frozen && inner_->is_intermediate_stage();
-    }
+    RefreshReport update_active_set(ActiveSet& active, const Eigen::VectorXd& theta,
+                                    const std::vector<Eigen::VectorXd>& latents,
+                                    const Eigen::VectorXd& scales) const override;
 
     [[nodiscard]] const ParameterMap& map() const { return map_; }
 
 private:
-    Residual* inner_;
+    void override_errors(ActiveSet& active) const;
+
+    const Residual* inner_;
     ParameterMap map_;
     MappedResidualOptions options_;
-    std::vector<Group> groups_;
-    std::vector<BlockLayout> layout_;  ///< frozen adapters only
+    ActiveSet initial_;
 };
 
 }  // namespace orbid::estimator

@@ -86,7 +86,7 @@ enum class LatentStructure { none, independent_blocks, chain, cyclic_chain };
 /// A set of records that shares one vector of latent states (possibly of length 0), and one covariance shape.
 struct BlockLayout {
     std::string label;       ///< "cycle 3", "run1, segment 0": names the block in messages and reports
-    std::vector<int> group;  ///< group of each record, index into groups()
+    std::vector<int> group;  ///< group of each record, index into the groups
     /// Sigma_b, shape (records, records), symmetric positive definite: V_b = D Sigma_b D, D = diag(s_group(record)).
     /// Empty = identity (and never formed: blocks of 1e5 records are usual).
     Eigen::MatrixXd shape;
@@ -120,21 +120,36 @@ struct BlockValue {
     Eigen::MatrixXd c_next;   ///< shape (constraints, latents of the next block)
 };
 
+/// What may change of a residual between two minimisations, as a value: the estimator keeps one for each residual, and
+/// a run that continues stores it.
+struct ActiveSet {
+    std::vector<Group> groups;        ///< Residual::groups() with the present values of fixed scales
+    std::vector<BlockLayout> layout;  ///< Residual::layout() with the present blocks
+    /// One vector per block, of length layout[b].latents: where a block starts that is new or comes back.
+    std::vector<Eigen::VectorXd> latents;
+    /// This is an intermediate stage (with a continuity sd that update_active_set() will lower). It is minimised only
+    /// roughly, and error scales stay at the values of `groups`, read anew for each such stage. update_active_set() is
+    /// called again until this is false.
+    bool is_intermediate_stage = false;
+    std::vector<Eigen::VectorXd> memory;  ///< for the residual alone: weights, last solutions
+};
+
 /// What update_active_set() did to the set of blocks between two minimisations.
 struct RefreshReport {
-    bool changed = false;
-    int lost = 0;      ///< blocks that can no longer be evaluated
-    int rejected = 0;  ///< gross errors
+    bool changed = false;  ///< another minimisation is needed
+    int lost = 0;          ///< blocks that can no longer be evaluated
+    int rejected = 0;      ///< gross errors
     int added = 0;
 };
 
-/// A source of residuals. It knows models and data; the estimator knows neither. Const functions are thread-safe.
-/// layout() does not change during a minimisation, only by update_active_set() or deactivate().
+/// A source of residuals. It knows models and data; the estimator knows neither. It never changes: what an estimate
+/// changes is its ActiveSet. All functions are thread-safe.
 class Residual {
 public:
     virtual ~Residual() = default;
 
     [[nodiscard]] virtual std::string_view type() const = 0;  ///< "cycles", "series"
+    /// Groups and blocks at the start.
     [[nodiscard]] virtual const std::vector<Group>& groups() const = 0;
     [[nodiscard]] virtual const std::vector<BlockLayout>& layout() const = 0;
     [[nodiscard]] virtual LatentStructure structure() const = 0;
@@ -142,21 +157,21 @@ public:
     [[nodiscard]] virtual std::vector<JointCovariance> covariances() const { return {}; }
     /// One vector per block, of length layout()[b].latents.
     [[nodiscard]] virtual std::vector<Eigen::VectorXd> initial_latents() const = 0;
+    /// The set with which an estimate begins. Default: groups, blocks and latent states as above.
+    [[nodiscard]] virtual ActiveSet initial_set() const { return {groups(), layout(), initial_latents(), false, {}}; }
     /// Values of all ACTIVE blocks (others are left empty), theta in natural units, in the order of the estimate's
     /// parameters. A block that cannot be evaluated has status failed; it does not throw.
-    [[nodiscard]] virtual std::vector<BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] virtual std::vector<BlockValue> evaluate(const ActiveSet& active, const Eigen::VectorXd& theta,
                                                            const std::vector<Eigen::VectorXd>& latents,
                                                            bool derivatives) const = 0;
-    /// Called between two minimisations: gating, new starting solutions, continuity. scales = current s_g of groups().
-    /// It may change sds that layout() knows and the values of fixed scales in groups(), nothing else of groups().
-    virtual RefreshReport update_active_set(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                            const Eigen::VectorXd& scales) = 0;
-    /// Deactivates a block (it stopped too many steps). Counted as lost.
-    virtual void deactivate(std::size_t block) = 0;
-    /// This is an intermediate stage (with a continuity sd that update_active_set() will lower). It is minimised only
-    /// roughly, and error scales stay at the values of groups(), read anew for each such stage. update_active_set() is
-    /// called again until this is false.
-    [[nodiscard]] virtual bool is_intermediate_stage() const { return false; }
+    /// Called between two minimisations: gating, new starting solutions, continuity. scales = current s_g of the
+    /// groups. Of groups it may change the values of fixed scales, nothing else. The estimator itself takes blocks out
+    /// that stopped too many steps. Default: nothing changes.
+    virtual RefreshReport update_active_set(ActiveSet& /*active*/, const Eigen::VectorXd& /*theta*/,
+                                            const std::vector<Eigen::VectorXd>& /*latents*/,
+                                            const Eigen::VectorXd& /*scales*/) const {
+        return {};
+    }
 
 protected:
     Residual() = default;

@@ -66,15 +66,16 @@ bool half_of_a_residual(const BlockSet& set, const std::vector<std::size_t>& blo
                        [&](const auto& own) { return 2 * own.second >= active[own.first]; });
 }
 
-Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set, const std::vector<NoiseModel>& laws,
-                    const Eigen::VectorXd& theta, const Latents& latents, bool derivatives) {
+Evaluation evaluate(const std::vector<const Residual*>& residuals, const BlockSet& set,
+                    const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta, const Latents& latents,
+                    bool derivatives) {
     std::vector<std::vector<BlockValue>> answers(residuals.size());
     for (std::size_t r = 0; r < residuals.size(); ++r) {
-        answers[r] = residuals[r]->evaluate(theta, latents[r], derivatives);
-        if (answers[r].size() != residuals[r]->layout().size())
+        answers[r] = residuals[r]->evaluate(set.active[r], theta, latents[r], derivatives);
+        if (answers[r].size() != set.active[r].layout.size())
             throw std::invalid_argument("residual \"" + std::string(residuals[r]->type()) + "\": answered " +
                                         std::to_string(answers[r].size()) + " blocks, layout has " +
-                                        std::to_string(residuals[r]->layout().size()));
+                                        std::to_string(set.active[r].layout.size()));
     }
     Evaluation evaluation;
     evaluation.values.reserve(set.blocks.size());
@@ -84,8 +85,7 @@ Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set
         if (value.status == BlockStatus::ok) {
             const Eigen::Index next_latents =
                 block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
-            check_value(value, block, residuals[block.residual]->layout()[block.block].label, theta.size(),
-                        next_latents, derivatives);
+            check_value(value, block, label_of(set, block), theta.size(), next_latents, derivatives);
             if (!finite(value, block, derivatives) || !predicted(value, block, laws))
                 value.status = BlockStatus::failed;
         }

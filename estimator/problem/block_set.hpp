@@ -44,6 +44,7 @@ struct ActiveBlock {
 
 /// The set of blocks of one minimisation; it does not change while the objective is minimised (M11).
 struct BlockSet {
+    std::vector<ActiveSet> active;  ///< of each residual, from which the rest is made
     std::vector<ActiveBlock> blocks;
     Eigen::VectorXd count;       ///< records of each channel
     double ln_det_shapes = 0.0;  ///< sum over blocks of ln|Sigma_b|, known sds included
@@ -51,13 +52,16 @@ struct BlockSet {
     Eigen::Index latents = 0;
     Eigen::Index constraints = 0;
     bool linked = false;       ///< some records depend on the states of the next block
-    bool provisional = false;  ///< see Residual::is_intermediate_stage()
+    bool provisional = false;  ///< see ActiveSet::is_intermediate_stage
 };
 
 /// All groups of all residuals, in order.
-[[nodiscard]] std::vector<Channel> channels_of(const std::vector<Residual*>& residuals);
+[[nodiscard]] std::vector<Channel> channels_of(const std::vector<const Residual*>& residuals);
 
-/// The active blocks of all residuals at present. Constraints and linked records whose next block is inactive are left
+/// The sets with which an estimate begins. @throws std::invalid_argument naming a residual that is null.
+[[nodiscard]] std::vector<ActiveSet> initial_sets(const std::vector<const Residual*>& residuals);
+
+/// The active blocks of these sets. Constraints and linked records whose next block is inactive are left
 /// out.
 ///
 /// @throws std::invalid_argument naming the block. Shapes: of the wrong size or not positive definite; with errors that
@@ -65,8 +69,11 @@ struct BlockSet {
 ///         not exist. Structure: latent states or constraints in a block without structure. Linked records: outside
 ///         chains, without a next block, with a shape, or of a group (or of responses with one full covariance) that
 ///         has other records as well.
-[[nodiscard]] BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
-                              const std::vector<NoiseModel>& laws);
+[[nodiscard]] BlockSet freeze(const std::vector<const Residual*>& residuals, std::vector<ActiveSet> active,
+                              const std::vector<Channel>& channels, const std::vector<NoiseModel>& laws);
+
+/// The label of a block of the set.
+[[nodiscard]] const std::string& label_of(const BlockSet& set, const ActiveBlock& block);
 
 /// Whether these blocks, indices into set.blocks, are half of some residual's or more.
 [[nodiscard]] bool half_of_a_residual(const BlockSet& set, const std::vector<std::size_t>& blocks);
@@ -78,7 +85,7 @@ struct Evaluation {
 };
 
 /// Evaluates every residual once. @throws std::invalid_argument naming the block when a result has the wrong shape.
-[[nodiscard]] Evaluation evaluate(const std::vector<Residual*>& residuals, const BlockSet& set,
+[[nodiscard]] Evaluation evaluate(const std::vector<const Residual*>& residuals, const BlockSet& set,
                                   const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta,
                                   const Latents& latents, bool derivatives);
 

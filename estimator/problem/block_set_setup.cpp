@@ -154,7 +154,7 @@ void take_constraints(const BlockLayout& from, ActiveBlock& block) {
 
 }  // namespace
 
-std::vector<Channel> channels_of(const std::vector<Residual*>& residuals) {
+std::vector<Channel> channels_of(const std::vector<const Residual*>& residuals) {
     std::vector<Channel> channels;
     for (std::size_t r = 0; r < residuals.size(); ++r)
         for (std::size_t g = 0; g < residuals[r]->groups().size(); ++g)
@@ -162,9 +162,23 @@ std::vector<Channel> channels_of(const std::vector<Residual*>& residuals) {
     return channels;
 }
 
-BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Channel>& channels,
-                const std::vector<NoiseModel>& laws) {
+std::vector<ActiveSet> initial_sets(const std::vector<const Residual*>& residuals) {
+    std::vector<ActiveSet> active;
+    for (std::size_t r = 0; r < residuals.size(); ++r) {
+        if (residuals[r] == nullptr) throw std::invalid_argument("residuals[" + std::to_string(r) + "] is null");
+        active.push_back(residuals[r]->initial_set());
+    }
+    return active;
+}
+
+const std::string& label_of(const BlockSet& set, const ActiveBlock& block) {
+    return set.active[block.residual].layout[block.block].label;
+}
+
+BlockSet freeze(const std::vector<const Residual*>& residuals, std::vector<ActiveSet> active,
+                const std::vector<Channel>& channels, const std::vector<NoiseModel>& laws) {
     BlockSet set;
+    set.active = std::move(active);
     set.count = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(channels.size()));
     std::vector<const NoiseModel*> law_of(channels.size(), nullptr);
     for (const NoiseModel& law : laws)
@@ -173,10 +187,10 @@ BlockSet freeze(const std::vector<Residual*>& residuals, const std::vector<Chann
     std::vector<Place> places(laws.size(), Place::nowhere);
     int first_channel = 0;
     for (std::size_t r = 0; r < residuals.size(); ++r) {
-        const auto& layout = residuals[r]->layout();
-        const auto groups = static_cast<int>(residuals[r]->groups().size());
+        const auto& layout = set.active[r].layout;
+        const auto groups = static_cast<int>(set.active[r].groups.size());
         const LatentStructure structure = residuals[r]->structure();
-        set.provisional = set.provisional || residuals[r]->is_intermediate_stage();
+        set.provisional = set.provisional || set.active[r].is_intermediate_stage;
         const std::size_t first_block = set.blocks.size();
         std::vector<std::ptrdiff_t> place(layout.size(), -1);
         for (std::size_t b = 0; b < layout.size(); ++b) {

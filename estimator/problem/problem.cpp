@@ -70,8 +70,9 @@ std::vector<Problem::Joint> joint_priors_of(const std::vector<FreeParameter>& pa
 
 }  // namespace
 
-Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
-               const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
+Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
+               const std::vector<ActiveSet>& active, const std::vector<DerivedQuantity>& derived,
+               const EstimateOptions& options) {
     if (options.maximum_iterations <= 0)
         refuse("maximum_iterations = " + std::to_string(options.maximum_iterations) + " must be positive");
     if (options.maximum_rounds <= 0)
@@ -114,20 +115,18 @@ Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<R
         problem.coordinates.push_back(coordinate);
     }
     std::set<std::string> groups;
-    for (std::size_t r = 0; r < residuals.size(); ++r) {
-        if (residuals[r] == nullptr) refuse("residuals[" + std::to_string(r) + "] is null");
-        for (const Group& group : residuals[r]->groups())
+    for (const ActiveSet& set : active)
+        for (const Group& group : set.groups)
             if (!groups.insert(group.name).second) refuse("group \"" + group.name + "\": the name is given twice");
-    }
     problem.channels = channels_of(residuals);
-    problem.laws = error_laws(residuals);
+    problem.laws = error_laws(residuals, active);
     for (const NoiseModel& law : problem.laws)
         problem.errors.insert(problem.errors.end(), law.coordinates.begin(), law.coordinates.end());
     problem.joint_priors = joint_priors_of(parameters, options.joint_priors);
     return problem;
 }
 
-State initial_state(const Problem& problem) {
+State initial_state(const Problem& problem, const std::vector<ActiveSet>& active) {
     State state;
     const auto count = static_cast<Eigen::Index>(problem.parameters.size());
     state.theta.resize(count);
@@ -136,11 +135,11 @@ State initial_state(const Problem& problem) {
         state.theta[i] = problem.parameters[static_cast<std::size_t>(i)].start;
         state.u[i] = problem.coordinates[static_cast<std::size_t>(i)].at(state.theta[i]);
     }
-    for (const Residual* residual : problem.residuals) {
-        state.latents.push_back(residual->initial_latents());
-        const auto& layout = residual->layout();
+    for (std::size_t r = 0; r < active.size(); ++r) {
+        state.latents.push_back(active[r].latents);
+        const auto& layout = active[r].layout;
         if (state.latents.back().size() != layout.size())
-            refuse("residual \"" + std::string(residual->type()) + "\": initial latent states of " +
+            refuse("residual \"" + std::string(problem.residuals[r]->type()) + "\": initial latent states of " +
                    std::to_string(state.latents.back().size()) + " blocks, layout has " +
                    std::to_string(layout.size()));
         for (std::size_t b = 0; b < layout.size(); ++b)

@@ -18,7 +18,7 @@ struct Problem {
     std::vector<Coordinate> coordinates;
     Eigen::VectorXd lower;  ///< in coordinates u, the support of uniform priors included
     Eigen::VectorXd upper;
-    std::vector<Residual*> residuals;
+    std::vector<const Residual*> residuals;
     std::vector<Channel> channels;
     std::vector<NoiseModel> laws;
     std::vector<ErrorCoordinate> errors;  ///< all error parameters, in the order of psi
@@ -42,13 +42,15 @@ struct State {
 
 /// Checks the whole call and converts it to coordinates.
 ///
+/// @param active  one per residual; error laws are made from its groups.
 /// @throws std::invalid_argument naming value and rule: see estimate().
-[[nodiscard]] Problem set_up(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+[[nodiscard]] Problem set_up(const std::vector<FreeParameter>& parameters,
+                             const std::vector<const Residual*>& residuals, const std::vector<ActiveSet>& active,
                              const std::vector<DerivedQuantity>& derived, const EstimateOptions& options);
 
 /// Starts of parameters, latent states and scales.
-/// @throws std::invalid_argument when a residual's latent states do not fit its layout.
-[[nodiscard]] State initial_state(const Problem& problem);
+/// @throws std::invalid_argument when latent states of a set do not fit its layout.
+[[nodiscard]] State initial_state(const Problem& problem, const std::vector<ActiveSet>& active);
 
 /// The group of a channel.
 [[nodiscard]] const Group& group_of(const Problem& problem, int channel);

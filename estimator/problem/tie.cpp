@@ -65,7 +65,7 @@ bool any_tied(const std::vector<FreeParameter>& parameters) {
                        [](const FreeParameter& parameter) { return !parameter.tied_to.empty(); });
 }
 
-TiedProblem resolve_ties(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+TiedProblem resolve_ties(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
                          const std::vector<JointNormalPrior>& joint_priors) {
     std::map<std::string, const FreeParameter*> by_name;
     for (const FreeParameter& parameter : parameters)

@@ -17,7 +17,7 @@ namespace orbid::estimator {
 struct TiedProblem {
     std::vector<FreeParameter> parameters;  ///< those that are not tied; bounds of their followers hold for them
     std::vector<std::unique_ptr<MappedResidual>> adapters;
-    std::vector<Residual*> residuals;  ///< the adapters; the residuals as given when nothing is tied
+    std::vector<const Residual*> residuals;  ///< the adapters; the residuals as given when nothing is tied
     ParameterMap map = ParameterMap::identity(0);
     std::vector<FreeParameter> full;  ///< as given
 
@@ -41,7 +41,7 @@ struct TiedProblem {
 ///         tied parameter; a factor that is 0 or not finite. A tied parameter with a prior of its own (alone or in a
 ///         joint one), or with bounds that leave no room for the one it follows.
 [[nodiscard]] TiedProblem resolve_ties(const std::vector<FreeParameter>& parameters,
-                                       const std::vector<Residual*>& residuals,
+                                       const std::vector<const Residual*>& residuals,
                                        const std::vector<JointNormalPrior>& joint_priors = {});
 
 }  // namespace orbid::estimator

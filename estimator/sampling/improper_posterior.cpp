@@ -129,15 +129,15 @@ void refuse_unfit(const Problem& problem, const Estimate& start) {
     for (std::size_t i = 0; fits && i < problem.parameters.size(); ++i)
         fits = start.parameters[i].name == problem.parameters[i].name;
     for (std::size_t r = 0; fits && r < problem.residuals.size(); ++r) {
-        const auto& layout = problem.residuals[r]->layout();
+        const auto& layout = start.active[r].layout;
         fits = start.latents[r].size() == layout.size();
         for (std::size_t b = 0; fits && b < layout.size(); ++b)
             fits = !layout[b].active || start.latents[r][b].size() == layout[b].latents;
     }
     if (!fits)
         throw std::invalid_argument("posterior sample: the estimate does not belong to these parameters and residuals");
-    for (const Residual* residual : problem.residuals)
-        for (const BlockLayout& block : residual->layout())
+    for (const ActiveSet& active : start.active)
+        for (const BlockLayout& block : active.layout)
             if (block.active && block.constraints > 0)
                 refuse_estimate(
                     fmt::format("block \"{}\" has equality constraints, on which no density can be walked; give its "
@@ -161,8 +161,7 @@ void refuse_improper(const Problem& problem, const BlockSet& set, const Estimate
             for (Eigen::Index k = 0; k < z.cols(); ++k)
                 if (const double length = z.col(k).norm(); length > 0.0) z.col(k) /= length;
         if (z.rows() == 0 || models::PivotedFactor(z).rank() < block.latents)
-            refuse_improper("the records of block \"" + problem.residuals[block.residual]->layout()[block.block].label +
-                            "\" do not determine its latent states");
+            refuse_improper("the records of block \"" + label_of(set, block) + "\" do not determine its latent states");
     }
     for (const NoiseModel& law : problem.laws) {
         const EstimatedScale& scale = estimate.scales[static_cast<std::size_t>(law.channels.front())];

@@ -232,9 +232,7 @@ void sum_up_latents(const Problem& problem, const BlockSet& set, const NutsResul
             const Eigen::MatrixXd draws = coordinate_draws(result, coordinate++, count);
             mean[i] = draws.mean();
             sd[i] = std::sqrt((draws.array() - mean[i]).square().sum() / static_cast<double>(draws.size() - 1));
-            verdict.look(fmt::format("latent state {} of block \"{}\"", i,
-                                     problem.residuals[block.residual]->layout()[block.block].label),
-                         draws);
+            verdict.look(fmt::format("latent state {} of block \"{}\"", i, label_of(set, block)), draws);
         }
         sample.latents[block.residual][block.block] = mean;
         sample.latent_sds[block.residual][block.block] = sd;
@@ -243,13 +241,16 @@ void sum_up_latents(const Problem& problem, const BlockSet& set, const NutsResul
 
 }  // namespace
 
-PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters, const std::vector<Residual*>& residuals,
+PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
+                                 const std::vector<const Residual*>& residuals,
                                  const std::vector<DerivedQuantity>& derived, const EstimateOptions& estimate_options,
                                  const Estimate& start, const SampleOptions& options) {
     validate(options);
-    const Problem problem = set_up(parameters, residuals, derived, estimate_options);
+    if (start.active.size() != residuals.size())
+        throw std::invalid_argument("posterior sample: the estimate does not belong to these parameters and residuals");
+    const Problem problem = set_up(parameters, residuals, start.active, derived, estimate_options);
     refuse_unfit(problem, start);
-    const BlockSet set = freeze(residuals, problem.channels, problem.laws);
+    const BlockSet set = freeze(residuals, start.active, problem.channels, problem.laws);
     refuse_improper(problem, set, start);
     const PosteriorDensity density(problem, set, place_of(problem, start));
 
@@ -271,9 +272,9 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters, c
     for (const NutsChain& chain : result.chains)
         count = std::min(count, chain.draws.cols());
     take_draws(result, shown, count, sample);
-    for (const Residual* residual : residuals) {
-        sample.latents.emplace_back(residual->layout().size());
-        sample.latent_sds.emplace_back(residual->layout().size());
+    for (const ActiveSet& active : set.active) {
+        sample.latents.emplace_back(active.layout.size());
+        sample.latent_sds.emplace_back(active.layout.size());
     }
     if (count < 2) {
         sample.message = sample.distrust = "interrupted before there were draws";

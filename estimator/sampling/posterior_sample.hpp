@@ -84,7 +84,7 @@ struct PosteriorSample {
 ///         present. Also when the posterior is improper, naming the parameter, group or block. A parameter is
 ///         undetermined, or the data can be fitted exactly while a scale without prior and floor goes to zero.
 [[nodiscard]] PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
-                                               const std::vector<Residual*>& residuals,
+                                               const std::vector<const Residual*>& residuals,
                                                const std::vector<DerivedQuantity>& derived,
                                                const EstimateOptions& estimate_options, const Estimate& start,
                                                const SampleOptions& options = {});

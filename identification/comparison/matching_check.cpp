@@ -12,8 +12,9 @@ namespace orbid::identification {
 namespace {
 
 /// Sds of matching at the estimate, shape (n): as set, or as estimated.
-Eigen::VectorXd matching_sds(const orbits::ShootingResidual& residual, const estimator::Estimate& estimate) {
-    Eigen::VectorXd sds = residual.matching_sd();
+Eigen::VectorXd matching_sds(const orbits::ShootingResidual& residual, const estimator::ActiveSet& active,
+                             const estimator::Estimate& estimate) {
+    Eigen::VectorXd sds = residual.matching_sd(active);
     const auto& groups = residual.groups();
     const std::size_t first = groups.size() - static_cast<std::size_t>(sds.size());
     for (Eigen::Index i = 0; i < sds.size(); ++i) {
@@ -38,9 +39,10 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
     std::vector<orbits::ShootingResidual> looser;
     looser.reserve(shooting.size());
     for (std::size_t i = 0; i < shooting.size(); ++i)
-        looser.push_back(shooting[i]->with(orbits::looser(*shooting[i]), run.estimate.latents[i]));
-    std::vector<estimator::Residual*> residuals;
-    for (orbits::ShootingResidual& residual : looser)
+        looser.push_back(shooting[i]->with(orbits::looser(*shooting[i], run.estimate.active[i]), run.estimate.active[i],
+                                           run.estimate.latents[i]));
+    std::vector<const estimator::Residual*> residuals;
+    for (const orbits::ShootingResidual& residual : looser)
         residuals.push_back(&residual);
     std::vector<estimator::FreeParameter> parameters = run.parameters;
     std::vector<std::string> names;
@@ -56,8 +58,8 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
                                       other.iterations, other.message));
     if (other.status != estimator::EstimateStatus::converged) return;
     for (std::size_t i = 0; i < shooting.size(); ++i)
-        orbits::compare(reports[i], *shooting[i], names, estimated_theta(run.estimate), laplace_sds(run.estimate),
-                        estimated_theta(other), laplace_sds(other));
+        orbits::compare(reports[i], *shooting[i], run.estimate.active[i], names, estimated_theta(run.estimate),
+                        laplace_sds(run.estimate), estimated_theta(other), laplace_sds(other));
 }
 
 }  // namespace
@@ -69,8 +71,8 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
     if (shooting.empty() || run.estimate.latents.size() != run.residuals.all().size()) return {};
     std::vector<orbits::ContinuityReport> reports;
     for (std::size_t i = 0; i < shooting.size(); ++i)
-        reports.push_back(
-            orbits::matching_report(*shooting[i], estimated_theta(run.estimate), run.estimate.latents[first + i]));
+        reports.push_back(orbits::matching_report(*shooting[i], run.estimate.active[first + i],
+                                                  estimated_theta(run.estimate), run.estimate.latents[first + i]));
     const bool alone = run.residuals.all().size() == shooting.size();
     if (compared && alone && run.estimate.status == estimator::EstimateStatus::converged)
         compare_looser(input, run, reports);
@@ -85,7 +87,7 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
         result.large = report.defect.large;
         result.expected = report.expected;
         result.warnings = report.warnings;
-        const Eigen::VectorXd sds = matching_sds(*shooting[i], run.estimate);
+        const Eigen::VectorXd sds = matching_sds(*shooting[i], run.estimate.active[first + i], run.estimate);
         for (Eigen::Index c = 0; c < sds.size(); ++c) {
             const auto& coordinate = coordinates[static_cast<std::size_t>(c)];
             result.coordinates.push_back({std::string(coordinate.name), std::string(coordinate.unit), sds[c],
@@ -100,8 +102,11 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
 std::optional<double> matching_share(const StageRun& run) {
     double sum = 0.0;
     double count = 0.0;
-    for (const auto& residual : run.residuals.shooting) {
-        const Eigen::VectorXd share = matching_sds(*residual, run.estimate).cwiseQuotient(residual->range());
+    const std::size_t first = first_shooting(run.residuals);
+    for (std::size_t i = 0; i < run.residuals.shooting.size(); ++i) {
+        const orbits::ShootingResidual& residual = *run.residuals.shooting[i];
+        const estimator::ActiveSet& active = run.estimate.active.at(first + i);
+        const Eigen::VectorXd share = matching_sds(residual, active, run.estimate).cwiseQuotient(residual.range());
         sum += share.array().log().sum();
         count += static_cast<double>(share.size());
     }

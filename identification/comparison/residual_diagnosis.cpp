@@ -68,11 +68,11 @@ std::vector<Index> records_of(const estimator::BlockLayout& block, int group) {
 /// The residuals of an estimate by group; groups of all residuals have one numbering.
 class WhitenedGroups {
 public:
-    WhitenedGroups(const std::vector<estimator::Residual*>& residuals, const estimator::Estimate& estimate)
-        : estimate_(estimate), laws_(estimator::error_laws(residuals)) {
-        for (const estimator::Residual* residual : residuals) {
+    WhitenedGroups(const std::vector<const estimator::Residual*>& residuals, const estimator::Estimate& estimate)
+        : estimate_(estimate), laws_(estimator::error_laws(residuals, estimate.active)) {
+        for (const estimator::ActiveSet& active : estimate.active) {
             first_.push_back(static_cast<int>(names_.size()));
-            for (const estimator::Group& group : residual->groups()) {
+            for (const estimator::Group& group : active.groups) {
                 names_.push_back(group.name);
                 groups_.push_back(&group);
             }
@@ -80,7 +80,7 @@ public:
         first_.push_back(static_cast<int>(names_.size()));
         collected_.resize(names_.size());
         for (std::size_t i = 0; i < residuals.size(); ++i) {
-            const auto& layout = residuals[i]->layout();
+            const auto& layout = estimate.active[i].layout;
             for (std::size_t b = 0; b < layout.size(); ++b) {
                 const VectorXd& e = estimate.residuals[i][b].e;
                 if (e.size() == 0) continue;
@@ -173,7 +173,7 @@ private:
 
 }  // namespace
 
-std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<estimator::Residual*>& residuals,
+std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<const estimator::Residual*>& residuals,
                                                 const estimator::Estimate& estimate) {
     return WhitenedGroups(residuals, estimate).diagnostics();
 }

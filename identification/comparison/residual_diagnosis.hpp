@@ -25,7 +25,7 @@ struct GroupDiagnostic {
 };
 
 /// Residuals of every group whose distribution can be examined.
-[[nodiscard]] std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<estimator::Residual*>& residuals,
+[[nodiscard]] std::vector<GroupDiagnostic> diagnose_residuals(const std::vector<const estimator::Residual*>& residuals,
                                                               const estimator::Estimate& estimate);
 
 }  // namespace orbid::identification

@@ -92,8 +92,8 @@ std::unique_ptr<orbits::SeriesResidual> single_shooting(const IdentificationProb
     }
 }
 
-std::vector<estimator::Residual*> ProblemResiduals::all() const {
-    std::vector<estimator::Residual*> list;
+std::vector<const estimator::Residual*> ProblemResiduals::all() const {
+    std::vector<const estimator::Residual*> list;
     if (cycles) list.push_back(cycles.get());
     for (const auto& residual : series)
         list.push_back(residual.get());

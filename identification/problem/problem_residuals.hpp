@@ -26,7 +26,7 @@ struct ProblemResiduals {
     ProblemWaveform waveform;
 
     /// Cycles, then series by single and by multiple shooting, then the waveform; predictions last.
-    [[nodiscard]] std::vector<estimator::Residual*> all() const;
+    [[nodiscard]] std::vector<const estimator::Residual*> all() const;
     /// A copy of each, but of nodes and predictions.
     [[nodiscard]] std::vector<std::unique_ptr<estimator::Residual>> copies() const;
 };

@@ -6,14 +6,13 @@
 
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/exploration/multi_start.hpp"
-#include "identification/stages/recorded_residual.hpp"
 #include "identification/starts/cycle_start.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
 namespace orbid::identification {
 
 /// The costly results of a finished stage of a strategy, for a run that continues from it. Residuals are rebuilt from
-/// them and taken through the same changes.
+/// them.
 struct StageValue {
     std::string skipped;                        ///< the reason; empty: it ran
     std::optional<orbits::CycleSearch> search;  ///< of a harvest: all cycles, new ones included
@@ -22,8 +21,7 @@ struct StageValue {
     Eigen::VectorXd best_start;                 ///< of several starts; empty: only one
     std::vector<estimator::Optimum> optima;
     std::vector<estimator::StartedRun> runs;
-    estimator::Estimate estimate;                      ///< as the estimator returned it
-    std::vector<std::vector<ResidualChange>> changes;  ///< per residual
+    estimator::Estimate estimate;  ///< as the estimator returned it
 };
 
 }  // namespace orbid::identification

@@ -135,26 +135,6 @@ void try_starts(StageInput& input, StageValue& memory, bool known, ProblemResidu
     if (!known) input.observer.begin("estimate", 0.0, {});
 }
 
-/// The minimisation, or what it came to before, with the residuals in the state that it left them in.
-estimator::Estimate minimised(const StageInput& input, const Parameters& parameters, const ProblemResiduals& residuals,
-                              const estimator::EstimateOptions& options, StageValue& memory, bool known) {
-    const std::vector<estimator::Residual*> all = residuals.all();
-    if (known) {
-        for (std::size_t r = 0; r < all.size(); ++r)
-            repeat_changes(memory.changes.at(r), *all[r]);
-        return memory.estimate;
-    }
-    std::vector<RecordedResidual> recorded;
-    recorded.reserve(all.size());
-    std::vector<estimator::Residual*> asked;
-    for (estimator::Residual* residual : all)
-        asked.push_back(&recorded.emplace_back(*residual));
-    memory.estimate = estimator::estimate(parameters, asked, input.setup.derived, options);
-    for (const RecordedResidual& residual : recorded)
-        memory.changes.push_back(residual.changes());
-    return memory.estimate;
-}
-
 /// @param known  the stage has run before and left `memory`, which is filled otherwise.
 StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parameters, StageValue& memory, bool known) {
     StageRun run;
@@ -177,7 +157,8 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     check_enough_readings(input.problem, input.setup, run.residuals);
     if (input.starts != nullptr && input.options.starts > 1)
         try_starts(input, memory, known, run.residuals, parameters);
-    run.estimate = minimised(input, parameters, run.residuals, options, memory, known);
+    if (!known) memory.estimate = estimator::estimate(parameters, run.residuals.all(), input.setup.derived, options);
+    run.estimate = memory.estimate;
     run.estimate.iterations += memory.cycles.iterations;
     run.estimate.evaluations += memory.cycles.evaluations;
     run.parameters = std::move(parameters);
@@ -226,7 +207,7 @@ bool StageRun::usable() const {
 
 bool StageRun::is_evaluated() const {
     const std::size_t count = residuals.all().size();
-    return estimate.residuals.size() == count && estimate.latents.size() == count;
+    return estimate.residuals.size() == count && estimate.active.size() == count;
 }
 
 bool StageRun::skipped() const {

@@ -85,7 +85,7 @@ public:
     }
 
     [[nodiscard]] std::vector<estimator::FreeParameter> predicted(std::vector<estimator::FreeParameter> parameters) {
-        orbits::OnePeriodResidual residual = one_period(parameters);
+        const orbits::OnePeriodResidual residual = one_period(parameters);
         const auto estimate = stage("one-period prediction", parameters, residual);
         if (estimate.status != estimator::EstimateStatus::failed) move_starts(parameters, estimate);
         return parameters;
@@ -121,23 +121,25 @@ private:
     [[nodiscard]] Candidate lifted(const std::string& name, const std::vector<estimator::FreeParameter>& parameters,
                                    orbits::LiftedCycleOptions options) {
         options.targets = problem_.targets;
-        orbits::LiftedCycleResidual residual(problem_.system, problem_.binding, problem_.cycles, problem_.place,
-                                             starts(parameters), options);
+        const orbits::LiftedCycleResidual residual(problem_.system, problem_.binding, problem_.cycles, problem_.place,
+                                                   starts(parameters), options);
         const auto estimate = stage(name, parameters, residual);
         Candidate found{parameters};
-        found.nodes = residual.nodes(residual.initial_latents());
+        found.nodes = residual.nodes(residual.initial_set(), residual.initial_latents());
         if (estimate.status == estimator::EstimateStatus::failed || estimate.latents.empty()) return found;
         move_starts(found.parameters, estimate);
-        found.nodes = residual.nodes(estimate.latents.front());
-        if (!residual.is_intermediate_stage())
-            found.distance = typical_distance(residual.distances(starts(found.parameters), estimate.latents.front()));
+        const estimator::ActiveSet& active = estimate.active.front();
+        found.nodes = residual.nodes(active, estimate.latents.front());
+        if (!active.is_intermediate_stage)
+            found.distance =
+                typical_distance(residual.distances(active, starts(found.parameters), estimate.latents.front()));
         if (options_.log) options_.log(fmt::format("{}: orbits within {:.2e} of the points", name, found.distance));
         return found;
     }
 
     [[nodiscard]] estimator::Estimate stage(const std::string& name,
                                             const std::vector<estimator::FreeParameter>& parameters,
-                                            estimator::Residual& residual) {
+                                            const estimator::Residual& residual) {
         estimator::EstimateOptions options = options_.estimate;
         options.variance = estimator::Variance::ml;
         options.verdict = false;

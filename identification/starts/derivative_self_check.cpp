@@ -54,7 +54,7 @@ std::optional<FlowStart> of_transition(const IdentificationProblem& problem, std
 
 /// From the first periodic solution there is, over a tenth of it.
 std::optional<FlowStart> of_waveform(const periodic::WaveformResidual& residual, const Eigen::VectorXd& start) {
-    const auto orbits = residual.solutions(start);
+    const auto orbits = residual.solutions(residual.initial_set(), start);
     for (std::size_t b = 0; b < orbits.size(); ++b) {
         if (orbits[b].status != periodic::OrbitStatus::converged) continue;
         FlowStart flow;

@@ -46,14 +46,14 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
       reading_(map_, options.targets.sensor),
       options_(options),
       targets_(select_targets(map_, binding_.values(start), binding_.parameter, cycles, options.targets)),
-      scale_(state_scale(map_, cycles)),
-      groups_(target_groups(map_, "cycles", options.targets)) {
+      scale_(state_scale(map_, cycles)) {
+    initial_.groups = target_groups(map_, "cycles", options.targets);
     if (!(options.maximum_move > 0.0)) throw std::invalid_argument("CycleResidual: maximum_move must be > 0");
     if (!(options.gate > 1.0)) throw std::invalid_argument("CycleResidual: gate must be > 1");
     refuse_if(!start_nodes.empty() && start_nodes.size() != cycles.size(),
               "CycleResidual: {} start nodes for {} cycles", start_nodes.size(), cycles.size());
     for (const CycleTarget& target : targets_.targets) {
-        layout_.emplace_back().label = target.label;
+        initial_.layout.emplace_back().label = target.label;
         Known known;
         known.nodes = target.nodes;
         if (!start_nodes.empty() && start_nodes[target.cycle].size() > 0) {
@@ -63,15 +63,18 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
                 "CycleResidual: start nodes of {} must be finite and have the shape of its points", target.label);
             known.nodes = nodes;
         }
-        known_.push_back(std::move(known));
+        initial_.memory.resize(initial_.memory.size() + memory_parts);
+        remember(initial_, initial_.layout.size() - 1, known);
     }
+    initial_.memory.push_back(VectorXd::Zero(1));
+    initial_.latents.resize(initial_.layout.size());
     // Solutions at the start give every later one a prediction to first order. A cycle without one keeps its guess.
-    const std::vector<PeriodicOrbit> solved = orbits(start);
+    const std::vector<PeriodicOrbit> solved = orbits(initial_, start);
     for (std::size_t b = 0; b < solved.size(); ++b) {
         // A state of rest that is no isolated orbit (dry friction) has nothing that could be followed.
         const bool followed = targets_.targets[b].positions || solved[b].status == OrbitStatus::converged;
-        layout_[b].active = lay_out(b, solved[b]) && followed;
-        if (solved[b].status == OrbitStatus::converged) keep(b, solved[b], start);
+        initial_.layout[b].active = lay_out(initial_, b, solved[b]) && followed;
+        if (solved[b].status == OrbitStatus::converged) keep(initial_, b, solved[b], start);
     }
     if (!start_nodes.empty()) gate_start(solved, start);
 }
@@ -81,14 +84,14 @@ void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const V
     // Mean squares in units of the cycle's own errors, and of the ranges. The start is not the optimum: what it is off
     // by moves the best measured cycles by thousands of their errors, but all of them by about the same share of the
     // range.
-    std::vector<double> size(layout_.size(), 0.0);
-    std::vector<double> distance(layout_.size(), 0.0);
+    std::vector<double> size(initial_.layout.size(), 0.0);
+    std::vector<double> distance(initial_.layout.size(), 0.0);
     std::vector<double> sizes;
     std::vector<double> distances;
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
+    for (std::size_t b = 0; b < initial_.layout.size(); ++b) {
         const CycleTarget& target = targets_.targets[b];
-        if (!layout_[b].active || !target.positions || solved[b].status != OrbitStatus::converged) continue;
-        const auto e = residual(b, solved[b], start);
+        if (!initial_.layout[b].active || !target.positions || solved[b].status != OrbitStatus::converged) continue;
+        const auto e = residual(initial_, b, solved[b], start);
         if (!e) continue;
         VectorXd whitened = e->head(target.points.size());
         const VectorXd share = whitened.array() / range.replicate(target.points.cols(), 1).array();
@@ -104,27 +107,60 @@ void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const V
     if (sizes.empty()) return;
     const double largest_size = options_.gate * models::upper_median(sizes);
     const double largest_distance = options_.gate * models::upper_median(distances);
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
+    for (std::size_t b = 0; b < initial_.layout.size(); ++b) {
         if (size[b] <= largest_size || distance[b] <= largest_distance) continue;
-        layout_[b].active = false;
-        ++rejected_at_start_;
+        initial_.layout[b].active = false;
+        ++rejected_at_start(initial_);
     }
 }
 
-void CycleResidual::keep(std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) {
-    Known& known = known_[block];
+CycleResidual::Known CycleResidual::known(const estimator::ActiveSet& active, std::size_t block) const {
+    const VectorXd* part = &active.memory[memory_parts * block];
+    const Index n = map_.dimension();
+    Known known;
+    known.nodes = part[0].reshaped(n, part[0].size() / n);
+    known.theta = part[1];
+    known.sensitivities = part[2].reshaped(part[0].size(), part[2].size() / part[0].size());
+    known.multipliers = part[3][0] != 0.0;
+    known.taken_back = static_cast<int>(part[3][1]);
+    for (Index i = 2; i < part[3].size(); ++i)
+        known.rotation.push_back(static_cast<int>(part[3][i]));
+    return known;
+}
+
+void CycleResidual::remember(estimator::ActiveSet& active, std::size_t block, const Known& known) {
+    VectorXd* part = &active.memory[memory_parts * block];
+    part[0] = known.nodes.reshaped();
+    part[1] = known.theta;
+    part[2] = known.sensitivities.reshaped();
+    part[3].resize(2 + std::ssize(known.rotation));
+    part[3][0] = known.multipliers ? 1.0 : 0.0;
+    part[3][1] = known.taken_back;
+    for (std::size_t i = 0; i < known.rotation.size(); ++i)
+        part[3][static_cast<Index>(i) + 2] = known.rotation[i];
+}
+
+bool CycleResidual::has_multipliers(const estimator::ActiveSet& active, std::size_t block) {
+    return active.memory[memory_parts * block + 3][0] != 0.0;
+}
+
+double& CycleResidual::taken_back(estimator::ActiveSet& active, std::size_t block) {
+    return active.memory[memory_parts * block + 3][1];
+}
+
+void CycleResidual::keep(estimator::ActiveSet& active, std::size_t block, const PeriodicOrbit& orbit,
+                         const VectorXd& theta) const {
+    Known known = this->known(active, block);
     known.nodes = map_.points(orbit.points);
     known.theta = theta;
     known.sensitivities = binding_.spread(map_.points(orbit.sensitivities));
     known.rotation = orbit.rotation;
+    remember(active, block, known);
 }
 
-std::vector<VectorXd> CycleResidual::initial_latents() const {
-    return std::vector<VectorXd>(layout_.size());
-}
-
-PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, bool derivatives) const {
-    const Known& known = known_[block];
+PeriodicOrbit CycleResidual::solve(const estimator::ActiveSet& active, std::size_t block, const VectorXd& theta,
+                                   bool derivatives) const {
+    const Known known = this->known(active, block);
     const VectorXd values = binding_.values(theta);
     if (!in_domain(*system_, values)) {
         PeriodicOrbit none;
@@ -159,85 +195,85 @@ PeriodicOrbit CycleResidual::solve(std::size_t block, const VectorXd& theta, boo
     return from(known.nodes);
 }
 
-std::vector<estimator::BlockValue> CycleResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,
-                                                           bool derivatives) const {
+std::vector<estimator::BlockValue> CycleResidual::evaluate(const estimator::ActiveSet& active, const VectorXd& theta,
+                                                           const std::vector<VectorXd>&, bool derivatives) const {
     const VectorXd values = binding_.values(theta);
-    return evaluate_blocks(*system_, values, layout_, [&](std::size_t b, estimator::BlockValue& block) {
-        const PeriodicOrbit orbit = solve(b, theta, derivatives);
+    return evaluate_blocks(*system_, values, active.layout, [&](std::size_t b, estimator::BlockValue& block) {
+        const PeriodicOrbit orbit = solve(active, b, theta, derivatives);
         if (orbit.status != OrbitStatus::converged) return false;
         const auto readings = reading_(map_.points(orbit.points), values, binding_.parameter, derivatives);
         if (!readings) return false;
-        const auto e = residual(b, orbit, *readings);
+        const auto e = residual(active, b, orbit, *readings);
         if (!e) return false;
         block.e = *e;
         block.e_z.resize(e->size(), 0);
         if (!derivatives) return true;
-        const auto slope = derivative(b, orbit, *readings, values);
+        const auto slope = derivative(active, b, orbit, *readings, values);
         if (!slope) return false;
         block.e_theta = *slope;
         return true;
     });
 }
 
-std::vector<PeriodicOrbit> CycleResidual::orbits(const VectorXd& theta) const {
-    std::vector<PeriodicOrbit> result(layout_.size());
-    tbb::parallel_for(std::size_t{0}, layout_.size(), [&](std::size_t b) { result[b] = solve(b, theta, true); });
+std::vector<PeriodicOrbit> CycleResidual::orbits(const estimator::ActiveSet& active, const VectorXd& theta) const {
+    std::vector<PeriodicOrbit> result(active.layout.size());
+    tbb::parallel_for(std::size_t{0}, result.size(), [&](std::size_t b) { result[b] = solve(active, b, theta, true); });
     return result;
 }
 
-double CycleResidual::mean_square(std::size_t block, const VectorXd& e, const VectorXd& scales) const {
+double CycleResidual::mean_square(const estimator::BlockLayout& block, const VectorXd& e, const VectorXd& scales) {
     VectorXd whitened = e;
     for (Index i = 0; i < e.size(); ++i)
-        whitened(i) /= scales(layout_[block].group[static_cast<std::size_t>(i)]);
-    const MatrixXd& shape = layout_[block].shape;
-    if (shape.size() > 0) models::CholeskyFactor(shape).solve_lower_in_place(whitened);
+        whitened(i) /= scales(block.group[static_cast<std::size_t>(i)]);
+    if (block.shape.size() > 0) models::CholeskyFactor(block.shape).solve_lower_in_place(whitened);
     return whitened.squaredNorm() / static_cast<double>(e.size());
 }
 
-estimator::RefreshReport CycleResidual::update_active_set(const VectorXd& theta, const std::vector<VectorXd>&,
-                                                          const VectorXd& scales) {
-    const std::vector<PeriodicOrbit> solved = orbits(theta);
+estimator::RefreshReport CycleResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
+                                                          const std::vector<VectorXd>&, const VectorXd& scales) const {
+    const std::vector<PeriodicOrbit> solved = orbits(active, theta);
     estimator::RefreshReport report;
-    const int rejected_before = std::exchange(rejected_at_start_, 0);
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
+    const auto rejected_before = static_cast<int>(std::exchange(rejected_at_start(active), 0.0));
+    std::vector<estimator::BlockLayout>& layout = active.layout;
+    for (std::size_t b = 0; b < layout.size(); ++b) {
         // A multiplier that has become 0, or no longer is.
         if (solved[b].status != OrbitStatus::converged) continue;
-        const bool before = known_[b].multipliers;
-        const bool anything = lay_out(b, solved[b]);
-        report.changed = report.changed || (layout_[b].active && before != known_[b].multipliers);
+        const bool before = has_multipliers(active, b);
+        const bool anything = lay_out(active, b, solved[b]);
+        report.changed = report.changed || (layout[b].active && before != has_multipliers(active, b));
         if (anything) continue;
-        report.lost += layout_[b].active ? 1 : 0;
-        layout_[b].active = false;
+        report.lost += layout[b].active ? 1 : 0;
+        layout[b].active = false;
     }
-    std::vector<double> size(layout_.size(), std::numeric_limits<double>::infinity());
+    std::vector<double> size(layout.size(), std::numeric_limits<double>::infinity());
     std::vector<double> active_sizes;
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
+    for (std::size_t b = 0; b < layout.size(); ++b) {
         if (solved[b].status != OrbitStatus::converged) {
-            if (layout_[b].active) {
-                layout_[b].active = false;
+            if (layout[b].active) {
+                layout[b].active = false;
                 ++report.lost;
             }
             continue;
         }
-        if (layout_[b].group.empty()) continue;
-        if (const auto e = residual(b, solved[b], theta)) size[b] = mean_square(b, *e, scales);
-        if (layout_[b].active) active_sizes.push_back(size[b]);
+        if (layout[b].group.empty()) continue;
+        if (const auto e = residual(active, b, solved[b], theta)) size[b] = mean_square(layout[b], *e, scales);
+        if (layout[b].active) active_sizes.push_back(size[b]);
     }
     const double limit = active_sizes.empty() ? std::numeric_limits<double>::infinity()
                                               : options_.gate * models::upper_median(active_sizes);
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
+    for (std::size_t b = 0; b < layout.size(); ++b) {
         if (solved[b].status != OrbitStatus::converged) continue;
         const bool plausible = std::isfinite(size[b]) && size[b] <= limit;
-        if (layout_[b].active && !plausible) {
-            layout_[b].active = false;
+        if (layout[b].active && !plausible) {
+            layout[b].active = false;
             ++report.rejected;
-        } else if (!layout_[b].active && plausible && known_[b].taken_back < most_returns) {
-            layout_[b].active = true;
-            ++known_[b].taken_back;
+        } else if (!layout[b].active && plausible && taken_back(active, b) < most_returns) {
+            layout[b].active = true;
+            ++taken_back(active, b);
             ++report.added;
         }
         // The start of the next solution; a rejected cycle keeps its own, for it may have slid onto a wrong orbit.
-        if (plausible) keep(b, solved[b], theta);
+        if (plausible) keep(active, b, solved[b], theta);
     }
     report.changed = report.changed || report.lost + report.rejected + report.added > 0;
     // What is inactive at the start is counted as lost.

@@ -53,24 +53,26 @@ public:
                   const std::vector<Eigen::MatrixXd>& start_nodes = {}, const CycleResidualOptions& options = {});
 
     [[nodiscard]] std::string_view type() const override { return "cycles"; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
     [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override {
         return options_.targets.covariances;
     }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
+                                               const Eigen::VectorXd& scales) const override;
 
     /// The computed orbits at theta, one per block (status says which were lost), with multipliers and sensitivities
-    /// to the parameters of the binding.
-    [[nodiscard]] std::vector<periodic::PeriodicOrbit> orbits(const Eigen::VectorXd& theta) const;
+    /// to the parameters of the binding. They start from the solutions that the set remembers.
+    [[nodiscard]] std::vector<periodic::PeriodicOrbit> orbits(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta) const;
 
     /// Index of a block's cycle in the list that was given.
     [[nodiscard]] std::size_t cycle_of(std::size_t block) const { return targets_.targets.at(block).cycle; }
@@ -82,7 +84,7 @@ public:
     [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
 
 private:
-    /// The last solution of a cycle, from which the next one starts.
+    /// The last solution of a cycle, from which the next one starts. The memory of a set holds it, see known().
     struct Known {
         Eigen::MatrixXd nodes;          ///< shape (n, p)
         Eigen::VectorXd theta;          ///< the estimator's vector it belongs to; empty: only a guess
@@ -91,23 +93,36 @@ private:
         bool multipliers = false;  ///< included in the layout
         int taken_back = 0;
     };
+    /// Vectors in that memory for each cycle; after them one with what rejected_at_start() says.
+    static constexpr std::size_t memory_parts = 4;
+    [[nodiscard]] Known known(const estimator::ActiveSet& active, std::size_t block) const;
+    static void remember(estimator::ActiveSet& active, std::size_t block, const Known& known);
+    [[nodiscard]] static bool has_multipliers(const estimator::ActiveSet& active, std::size_t block);
+    [[nodiscard]] static double& taken_back(estimator::ActiveSet& active, std::size_t block);
+    /// Gross errors at the start that are not reported yet.
+    [[nodiscard]] static double& rejected_at_start(estimator::ActiveSet& active) { return active.memory.back()[0]; }
 
-    [[nodiscard]] periodic::PeriodicOrbit solve(std::size_t block, const Eigen::VectorXd& theta,
-                                                bool derivatives) const;
-    void keep(std::size_t block, const periodic::PeriodicOrbit& orbit, const Eigen::VectorXd& theta);
+    [[nodiscard]] periodic::PeriodicOrbit solve(const estimator::ActiveSet& active, std::size_t block,
+                                                const Eigen::VectorXd& theta, bool derivatives) const;
+    void keep(estimator::ActiveSet& active, std::size_t block, const periodic::PeriodicOrbit& orbit,
+              const Eigen::VectorXd& theta) const;
     /// Records of a block, with multipliers only where they are used now; empty when it cannot be evaluated.
-    [[nodiscard]] std::optional<Eigen::VectorXd> residual(std::size_t block, const periodic::PeriodicOrbit& orbit,
+    [[nodiscard]] std::optional<Eigen::VectorXd> residual(const estimator::ActiveSet& active, std::size_t block,
+                                                          const periodic::PeriodicOrbit& orbit,
                                                           const PointReadings& readings) const;
-    [[nodiscard]] std::optional<Eigen::VectorXd> residual(std::size_t block, const periodic::PeriodicOrbit& orbit,
+    [[nodiscard]] std::optional<Eigen::VectorXd> residual(const estimator::ActiveSet& active, std::size_t block,
+                                                          const periodic::PeriodicOrbit& orbit,
                                                           const Eigen::VectorXd& theta) const;
-    [[nodiscard]] std::optional<Eigen::MatrixXd> derivative(std::size_t block, const periodic::PeriodicOrbit& orbit,
+    [[nodiscard]] std::optional<Eigen::MatrixXd> derivative(const estimator::ActiveSet& active, std::size_t block,
+                                                            const periodic::PeriodicOrbit& orbit,
                                                             const PointReadings& readings,
                                                             const Eigen::VectorXd& values) const;
     /// Rejects gross errors at the start, judged by positions alone.
     void gate_start(const std::vector<periodic::PeriodicOrbit>& solved, const Eigen::VectorXd& start);
     /// Lays out a block with or without its multipliers. @return whether any record is left.
-    bool lay_out(std::size_t block, const periodic::PeriodicOrbit& orbit);
-    [[nodiscard]] double mean_square(std::size_t block, const Eigen::VectorXd& e, const Eigen::VectorXd& scales) const;
+    bool lay_out(estimator::ActiveSet& active, std::size_t block, const periodic::PeriodicOrbit& orbit) const;
+    [[nodiscard]] static double mean_square(const estimator::BlockLayout& block, const Eigen::VectorXd& e,
+                                            const Eigen::VectorXd& scales);
 
     std::shared_ptr<const models::System> system_;
     models::ParameterBinding binding_;
@@ -116,10 +131,7 @@ private:
     CycleResidualOptions options_;
     CycleTargets targets_;
     Eigen::VectorXd scale_;  ///< of the model's coordinates
-    std::vector<estimator::Group> groups_;
-    std::vector<estimator::BlockLayout> layout_;
-    std::vector<Known> known_;
-    int rejected_at_start_ = 0;  ///< not reported yet
+    estimator::ActiveSet initial_;
 };
 
 }  // namespace orbid::orbits

@@ -12,16 +12,18 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using periodic::PeriodicOrbit;
 
-bool CycleResidual::lay_out(std::size_t block, const PeriodicOrbit& orbit) {
+bool CycleResidual::lay_out(estimator::ActiveSet& active, std::size_t block, const PeriodicOrbit& orbit) const {
     const CycleTarget& target = targets_.targets[block];
     const auto vanishes = [&](std::size_t m) { return m < orbit.multipliers.size() && orbit.multipliers[m] == 0.0; };
-    known_[block].multipliers =
+    Known known = this->known(active, block);
+    known.multipliers =
         std::none_of(target.multipliers.begin(), target.multipliers.end(), vanishes) && !target.multipliers.empty();
+    remember(active, block, known);
     const Index n = target.points.rows();
     const Index positions = target.positions ? target.points.size() : 0;
-    const Index multipliers = known_[block].multipliers ? target.ln_multiplier.size() : 0;
+    const Index multipliers = known.multipliers ? target.ln_multiplier.size() : 0;
     const Index times = std::isfinite(target.time) ? 1 : 0;
-    estimator::BlockLayout& layout = layout_[block];
+    estimator::BlockLayout& layout = active.layout[block];
     layout.group.clear();
     if (target.positions) layout.group = record_groups(n, target.points.cols(), 0);
     const int of_multipliers = options_.targets.positions ? static_cast<int>(n) : 0;
@@ -38,14 +40,14 @@ bool CycleResidual::lay_out(std::size_t block, const PeriodicOrbit& orbit) {
     return !layout.group.empty();
 }
 
-std::optional<VectorXd> CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit,
-                                                const PointReadings& readings) const {
+std::optional<VectorXd> CycleResidual::residual(const estimator::ActiveSet& active, std::size_t block,
+                                                const PeriodicOrbit& orbit, const PointReadings& readings) const {
     const CycleTarget& target = targets_.targets[block];
     const Index positions = target.positions ? target.points.size() : 0;
-    VectorXd e(static_cast<Index>(layout_[block].group.size()));
+    VectorXd e(static_cast<Index>(active.layout[block].group.size()));
     if (target.positions) e.head(positions) = map_.difference(target.points, readings.values).reshaped();
     if (std::isfinite(target.time)) e(e.size() - 1) = target.time - orbit.time;
-    for (std::size_t k = 0; known_[block].multipliers && k < target.multipliers.size(); ++k) {
+    for (std::size_t k = 0; has_multipliers(active, block) && k < target.multipliers.size(); ++k) {
         const std::size_t m = target.multipliers[k];
         const std::size_t last = target.pair[k] ? m + 1 : m;
         if (!(last < orbit.multipliers.size())) return std::nullopt;
@@ -58,26 +60,28 @@ std::optional<VectorXd> CycleResidual::residual(std::size_t block, const Periodi
     return e;
 }
 
-std::optional<VectorXd> CycleResidual::residual(std::size_t block, const PeriodicOrbit& orbit,
-                                                const VectorXd& theta) const {
+std::optional<VectorXd> CycleResidual::residual(const estimator::ActiveSet& active, std::size_t block,
+                                                const PeriodicOrbit& orbit, const VectorXd& theta) const {
     const auto readings = reading_(map_.points(orbit.points), binding_.values(theta), {}, false);
     if (!readings) return std::nullopt;
-    return residual(block, orbit, *readings);
+    return residual(active, block, orbit, *readings);
 }
 
-std::optional<MatrixXd> CycleResidual::derivative(std::size_t block, const PeriodicOrbit& orbit,
-                                                  const PointReadings& readings, const VectorXd& values) const {
+std::optional<MatrixXd> CycleResidual::derivative(const estimator::ActiveSet& active, std::size_t block,
+                                                  const PeriodicOrbit& orbit, const PointReadings& readings,
+                                                  const VectorXd& values) const {
     const CycleTarget& target = targets_.targets[block];
     const Index n = target.points.rows();
     const Index positions = target.positions ? target.points.size() : 0;
-    MatrixXd by_free(static_cast<Index>(layout_[block].group.size()), static_cast<Index>(binding_.parameter.size()));
+    MatrixXd by_free(static_cast<Index>(active.layout[block].group.size()),
+                     static_cast<Index>(binding_.parameter.size()));
     const MatrixXd moved = map_.points(orbit.sensitivities);
     for (Index j = 0; n * j < positions; ++j) {
         const auto slot = static_cast<std::size_t>(j);
         by_free.middleRows(n * j, n) = -(readings.by_x[slot] * moved.middleRows(n * j, n) + readings.by_free[slot]);
     }
     if (std::isfinite(target.time)) by_free.bottomRows(1) = -orbit.time_sensitivities;
-    if (known_[block].multipliers) {
+    if (has_multipliers(active, block)) {
         periodic::StabilityOptions options;
         options.flow = options_.flow;
         const periodic::Stability stability =

@@ -60,20 +60,18 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
         const estimator::ErrorScale& told = options.targets.errors[static_cast<std::size_t>(i)];
         if (!told.estimate) size(i) = told.value;
     }
-    estimator::Group points;
+    estimator::Group& points = initial_.groups.emplace_back();
     points.name = "cycles.points";
     points.unit = "1";
     points.scale.estimate = false;
     points.distribution = options.points;
-    groups_.push_back(std::move(points));
     for (std::size_t i = 0; i < map_.coordinates().size() && !options_.exact; ++i) {
         const models::Coordinate& coordinate = map_.coordinates()[i];
-        estimator::Group group;
+        estimator::Group& group = initial_.groups.emplace_back();
         group.name = "matching." + std::string(coordinate.name);
         group.unit = coordinate.unit;
         group.scale.estimate = false;
         group.distribution = options.matching;
-        groups_.push_back(std::move(group));
     }
     for (const CycleTarget& target : targets_.targets) {
         const Index p = target.points.cols();
@@ -92,26 +90,29 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
         if (target.covariance.size() > 0)
             roots_.back() = sizes.asDiagonal() * models::CholeskyFactor(target.covariance).lower();
         block.latents = n * p;
-        layout_.push_back(std::move(block));
-        start_.emplace_back(target.nodes.reshaped());
+        initial_.layout.push_back(std::move(block));
+        initial_.latents.emplace_back(target.nodes.reshaped());
     }
-    const double defect = (matching_defect(start, start_).array() / scale_.array()).maxCoeff();
-    match_with(std::clamp(options.matching_start > 0.0 ? options.matching_start : defect, options.matching_end, 1.0));
+    const double defect = (matching_defect(initial_, start, initial_.latents).array() / scale_.array()).maxCoeff();
+    initial_.memory = {VectorXd(1)};
+    match_with(initial_,
+               std::clamp(options.matching_start > 0.0 ? options.matching_start : defect, options.matching_end, 1.0));
 }
 
-void LiftedCycleResidual::match_with(double matching) {
-    matching_ = matching;
-    for (std::size_t i = 1; i < groups_.size(); ++i)
-        groups_[i].scale.value = matching * scale_(static_cast<Index>(i) - 1);
+void LiftedCycleResidual::match_with(estimator::ActiveSet& active, double matching) const {
+    active.memory.front()[0] = matching;
+    active.is_intermediate_stage = !options_.exact && matching > options_.matching_end;
+    for (std::size_t i = 1; i < active.groups.size(); ++i)
+        active.groups[i].scale.value = matching * scale_(static_cast<Index>(i) - 1);
 }
 
-estimator::RefreshReport LiftedCycleResidual::update_active_set(const VectorXd&, const std::vector<VectorXd>&,
-                                                                const VectorXd&) {
+estimator::RefreshReport LiftedCycleResidual::update_active_set(estimator::ActiveSet& active, const VectorXd&,
+                                                                const std::vector<VectorXd>&, const VectorXd&) const {
     estimator::RefreshReport report;
-    if (!is_intermediate_stage()) return report;
-    const double next = matching_ * options_.matching_factor;
+    if (!active.is_intermediate_stage) return report;
+    const double next = active.memory.front()[0] * options_.matching_factor;
     const bool there = next < options_.matching_end * (1.0 + 1e-9);  // but for rounding
-    match_with(there ? options_.matching_end : next);
+    match_with(active, there ? options_.matching_end : next);
     report.changed = true;
     return report;
 }
@@ -140,11 +141,12 @@ bool LiftedCycleResidual::evaluate_points(std::size_t block, const MatrixXd& nod
     return true;
 }
 
-std::vector<estimator::BlockValue> LiftedCycleResidual::evaluate(const VectorXd& theta,
+std::vector<estimator::BlockValue> LiftedCycleResidual::evaluate(const estimator::ActiveSet& active,
+                                                                 const VectorXd& theta,
                                                                  const std::vector<VectorXd>& latents,
                                                                  bool derivatives) const {
     const VectorXd values = binding_.values(theta);
-    return evaluate_blocks(*system_, values, layout_, [&](std::size_t b, estimator::BlockValue& block) {
+    return evaluate_blocks(*system_, values, active.layout, [&](std::size_t b, estimator::BlockValue& block) {
         const Index n = map_.dimension();
         const Index p = targets_.targets[b].points.cols();
         const Index records = n * p;
@@ -184,11 +186,12 @@ std::vector<estimator::BlockValue> LiftedCycleResidual::evaluate(const VectorXd&
     });
 }
 
-VectorXd LiftedCycleResidual::matching_defect(const VectorXd& theta, const std::vector<VectorXd>& latents) const {
+VectorXd LiftedCycleResidual::matching_defect(const estimator::ActiveSet& active, const VectorXd& theta,
+                                              const std::vector<VectorXd>& latents) const {
     const Index n = map_.dimension();
     VectorXd square = VectorXd::Zero(n);
     double count = 0.0;
-    for (const estimator::BlockValue& block : evaluate(theta, latents, false)) {
+    for (const estimator::BlockValue& block : evaluate(active, theta, latents, false)) {
         if (block.status != estimator::BlockStatus::ok || block.e.size() == 0) continue;
         const VectorXd all = options_.exact ? block.c : VectorXd(block.e.tail(block.e.size() / 2));
         const MatrixXd defects = all.reshaped(n, all.size() / n);
@@ -198,11 +201,12 @@ VectorXd LiftedCycleResidual::matching_defect(const VectorXd& theta, const std::
     return (square / std::max(count, 1.0)).cwiseSqrt();
 }
 
-std::vector<double> LiftedCycleResidual::distances(const VectorXd& theta, const std::vector<VectorXd>& latents) const {
+std::vector<double> LiftedCycleResidual::distances(const estimator::ActiveSet& active, const VectorXd& theta,
+                                                   const std::vector<VectorXd>& latents) const {
     const VectorXd values = binding_.values(theta);
     std::vector<double> result;
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
-        if (!layout_[b].active) continue;
+    for (std::size_t b = 0; b < active.layout.size(); ++b) {
+        if (!active.layout[b].active) continue;
         const MatrixXd& points = targets_.targets[b].points;
         const auto read = reading_(latents[b].reshaped(points.rows(), points.cols()), values, {}, false);
         result.push_back(std::numeric_limits<double>::infinity());
@@ -213,11 +217,12 @@ std::vector<double> LiftedCycleResidual::distances(const VectorXd& theta, const 
     return result;
 }
 
-std::vector<MatrixXd> LiftedCycleResidual::nodes(const std::vector<VectorXd>& latents) const {
+std::vector<MatrixXd> LiftedCycleResidual::nodes(const estimator::ActiveSet& active,
+                                                 const std::vector<VectorXd>& latents) const {
     std::vector<MatrixXd> result(cycle_count_);
-    for (std::size_t b = 0; b < layout_.size() && b < latents.size(); ++b) {
+    for (std::size_t b = 0; b < active.layout.size() && b < latents.size(); ++b) {
         const MatrixXd& points = targets_.targets[b].points;
-        if (layout_[b].active && latents[b].size() == points.size())
+        if (active.layout[b].active && latents[b].size() == points.size())
             result[targets_.targets[b].cycle] = latents[b].reshaped(points.rows(), points.cols());
     }
     return result;

@@ -36,8 +36,8 @@ struct LiftedCycleOptions {
 /// measured points, and the stage improves nothing.
 ///
 /// Angles wrapped, so that no rotation number is needed. A block per cycle; latent states in the order of points,
-/// coordinate fastest. The matching sd falls from round to round (update_active_set()), is_intermediate_stage() until
-/// it has reached its end: small against any point error, so that the nodes are orbits to all purposes.
+/// coordinate fastest. The matching sd falls from round to round (update_active_set()). Sets are intermediate stages
+/// until it has reached its end: small against any point error, so that the nodes are orbits to all purposes.
 class LiftedCycleResidual final : public estimator::Residual {
 public:
     /// @param start        the estimator's vector at the start (to tell states of rest).
@@ -47,26 +47,24 @@ public:
                         const LiftedCycleOptions& options = {});
 
     [[nodiscard]] std::string_view type() const override { return "lifted_cycles"; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override {
         return estimator::LatentStructure::independent_blocks;
     }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return start_; }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
     /// The next matching sd.
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    [[nodiscard]] bool is_intermediate_stage() const override {
-        return !options_.exact && matching_ > options_.matching_end;
-    }
-    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
+                                               const Eigen::VectorXd& scales) const override;
 
     /// Root mean square over all cycles of the matching defect z_{j+1} - Phi(z_j) per coordinate: shape (n).
-    [[nodiscard]] Eigen::VectorXd matching_defect(const Eigen::VectorXd& theta,
+    [[nodiscard]] Eigen::VectorXd matching_defect(const estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                   const std::vector<Eigen::VectorXd>& latents) const;
 
     /// Typical size of each coordinate, see target_scale().
@@ -74,18 +72,19 @@ public:
 
     /// How far the readings of each active cycle's nodes lie from its measured points: rms over all of them, as a share
     /// of scale(). Infinity where they cannot be had.
-    [[nodiscard]] std::vector<double> distances(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<double> distances(const estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                 const std::vector<Eigen::VectorXd>& latents) const;
 
     /// Nodes for CycleResidual: latent states by index into the list of cycles given, shape (n, p) each; empty for
     /// cycles that do not take part.
-    [[nodiscard]] std::vector<Eigen::MatrixXd> nodes(const std::vector<Eigen::VectorXd>& latents) const;
+    [[nodiscard]] std::vector<Eigen::MatrixXd> nodes(const estimator::ActiveSet& active,
+                                                     const std::vector<Eigen::VectorXd>& latents) const;
 
     /// Cycles left out because they are states of rest.
     [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
 
 private:
-    void match_with(double matching);
+    void match_with(estimator::ActiveSet& active, double matching) const;
     [[nodiscard]] bool evaluate_points(std::size_t block, const Eigen::MatrixXd& nodes, const Eigen::VectorXd& values,
                                        bool derivatives, estimator::BlockValue& value) const;
 
@@ -94,14 +93,11 @@ private:
     SectionMap map_;
     PointReading reading_;
     LiftedCycleOptions options_;
-    double matching_ = 1.0;  ///< share of scale_
     CycleTargets targets_;
     std::vector<Eigen::MatrixXd> roots_;  ///< L of each block's points
     Eigen::VectorXd scale_;
     std::size_t cycle_count_ = 0;
-    std::vector<estimator::Group> groups_;
-    std::vector<estimator::BlockLayout> layout_;
-    std::vector<Eigen::VectorXd> start_;
+    estimator::ActiveSet initial_;  ///< memory: the matching sd as a share of scale_
 };
 
 }  // namespace orbid::orbits

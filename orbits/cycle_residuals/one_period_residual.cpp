@@ -60,8 +60,8 @@ OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> syste
     target_options.covariances.clear();
     const VectorXd theta = binding_.values(start);
     targets_ = select_targets(map_, theta, binding_.parameter, cycles, target_options);
-    groups_ = target_groups(map_, "one_period", target_options);
-    for (estimator::Group& group : groups_) {
+    initial_.groups = target_groups(map_, "one_period", target_options);
+    for (estimator::Group& group : initial_.groups) {
         group.distribution = options.errors;
         group.scale = {false, 1.0, estimator::FlatPrior{}};
     }
@@ -71,17 +71,27 @@ OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> syste
         block.label = target.label;
         block.group = record_groups(target.points.rows(), target.points.cols(), 0);
         block.deviation.setConstant(target.points.size(), floor_);
-        layout_.push_back(std::move(block));
+        initial_.layout.push_back(std::move(block));
+        initial_.memory.emplace_back(target.nodes.reshaped());
     }
-    weigh(theta);
+    initial_.memory.push_back(VectorXd::Zero(1));
+    initial_.latents.resize(initial_.layout.size());
+    initial_.is_intermediate_stage = true;
+    weigh(initial_, theta);
 }
 
-double OnePeriodResidual::weigh(const VectorXd& values) {
+Eigen::Map<const MatrixXd> OnePeriodResidual::nodes(const estimator::ActiveSet& active, std::size_t block) const {
+    const Index n = map_.dimension();
+    const VectorXd& states = active.memory[block];
+    return {states.data(), n, states.size() / n};
+}
+
+double OnePeriodResidual::weigh(estimator::ActiveSet& active, const VectorXd& values) const {
     std::vector<double> changes;
     std::vector<std::vector<double>> sizes(static_cast<std::size_t>(range_.size()));
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
-        if (!layout_[b].active) continue;
-        const MatrixXd& nodes = targets_.targets[b].nodes;
+    for (std::size_t b = 0; b < active.layout.size(); ++b) {
+        if (!active.layout[b].active) continue;
+        const auto nodes = this->nodes(active, b);
         const Index n = nodes.rows();
         for (Index j = 0; j < nodes.cols(); ++j) {
             const auto image = map_(nodes.col(j), values, {}, true);
@@ -90,7 +100,7 @@ double OnePeriodResidual::weigh(const VectorXd& values) {
             const MatrixXd gain = range_.cwiseInverse().asDiagonal() * image->by_x * range_.asDiagonal();
             const VectorXd error = map_.difference(nodes.col(next), image->state);
             for (Index i = 0; i < n; ++i) {
-                double& deviation = layout_[b].deviation(n * next + i);
+                double& deviation = active.layout[b].deviation(n * next + i);
                 const double now = std::hypot(floor_, gain.row(i).norm());
                 changes.push_back(std::abs(std::log(now / deviation)));
                 deviation = now;
@@ -101,7 +111,7 @@ double OnePeriodResidual::weigh(const VectorXd& values) {
     if (changes.empty()) return 0.0;
     double change = models::upper_median(std::move(changes));
     for (std::size_t i = 0; i < sizes.size(); ++i) {
-        double& scale = groups_[i].scale.value;
+        double& scale = active.groups[i].scale.value;
         const double now = std::max(normal_median * models::upper_median(std::move(sizes[i])),
                                     least_scale * range_(static_cast<Index>(i)));
         change = std::max(change, std::abs(std::log(now / scale)));
@@ -110,30 +120,28 @@ double OnePeriodResidual::weigh(const VectorXd& values) {
     return change;
 }
 
-estimator::RefreshReport OnePeriodResidual::update_active_set(const VectorXd& theta, const std::vector<VectorXd>&,
-                                                              const VectorXd&) {
+estimator::RefreshReport OnePeriodResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
+                                                              const std::vector<VectorXd>&, const VectorXd&) const {
     estimator::RefreshReport report;
     const VectorXd values = binding_.values(theta);
-    if (!provisional_) return report;
+    if (!active.is_intermediate_stage) return report;
     if (in_domain(*system_, values)) {
-        for (CycleTarget& target : targets_.targets)
-            target.nodes = reading_.states(target.points, values);
-        provisional_ = weigh(values) > same_weight;
+        for (std::size_t b = 0; b < targets_.targets.size(); ++b)
+            active.memory[b] = reading_.states(targets_.targets[b].points, values).reshaped();
+        active.is_intermediate_stage = weigh(active, values) > same_weight;
     }
-    if (++refreshed_ >= most_refreshes) provisional_ = false;
+    double& updates = active.memory.back()[0];
+    if (++updates >= most_refreshes) active.is_intermediate_stage = false;
     report.changed = true;
     return report;
 }
 
-std::vector<VectorXd> OnePeriodResidual::initial_latents() const {
-    return std::vector<VectorXd>(layout_.size());
-}
-
-std::vector<estimator::BlockValue> OnePeriodResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,
+std::vector<estimator::BlockValue> OnePeriodResidual::evaluate(const estimator::ActiveSet& active,
+                                                               const VectorXd& theta, const std::vector<VectorXd>&,
                                                                bool derivatives) const {
     const VectorXd values = binding_.values(theta);
-    return evaluate_blocks(*system_, values, layout_, [&](std::size_t b, estimator::BlockValue& block) {
-        const MatrixXd& nodes = targets_.targets[b].nodes;
+    return evaluate_blocks(*system_, values, active.layout, [&](std::size_t b, estimator::BlockValue& block) {
+        const auto nodes = this->nodes(active, b);
         const Index n = nodes.rows();
         const Index p = nodes.cols();
         block.e.resize(n * p);
@@ -153,11 +161,10 @@ std::vector<estimator::BlockValue> OnePeriodResidual::evaluate(const VectorXd& t
 double OnePeriodResidual::misfit(const VectorXd& theta) const {
     constexpr double off = 0.02;  // of the range: what a model with parameters some per cent wrong leaves
     constexpr double lost = 0.5;
-    const std::vector<estimator::BlockValue> blocks = evaluate(theta, initial_latents(), false);
+    const std::vector<estimator::BlockValue> blocks = evaluate(initial_, theta, initial_.latents, false);
     double sum = 0.0;
     for (std::size_t b = 0; b < blocks.size(); ++b) {
-        if (!layout_[b].active) continue;
-        const std::vector<int>& group = layout_[b].group;
+        const std::vector<int>& group = layout()[b].group;
         for (std::size_t k = 0; k < group.size(); ++k) {
             const double e = blocks[b].status == estimator::BlockStatus::ok
                                  ? blocks[b].e(static_cast<Index>(k)) / range_(group[k])

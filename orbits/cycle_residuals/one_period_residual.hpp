@@ -29,7 +29,7 @@ struct OnePeriodOptions {
 /// sqrt(floor^2 + |its row of X_j|^2) (scaled to unit ranges), X_j the derivative of the section map: the weight of a
 /// point falls as its error and the model's are amplified. Scales are 1.4826 times the median of |e| over its
 /// deviation, but at least 1e-4 of the range. Both, and the states of points that are readings, are those at the start
-/// parameters or the last update_active_set(); is_intermediate_stage() until neither moves by a tenth.
+/// parameters or the last update_active_set(). Sets are intermediate stages until neither moves by a tenth.
 class OnePeriodResidual final : public estimator::Residual {
 public:
     /// @param system, cycles  the system is kept by pointer; needed data of the cycles are copied.
@@ -40,43 +40,42 @@ public:
                       const OnePeriodOptions& options = {});
 
     [[nodiscard]] std::string_view type() const override { return "one_period"; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
     /// States, amplifications and scales at theta.
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    [[nodiscard]] bool is_intermediate_stage() const override { return provisional_; }
-    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
+                                               const Eigen::VectorXd& scales) const override;
 
     /// Robust measure of theta's prediction errors: sum over all records of ln(1 + (e / (0.02 range))^2). A prediction
     /// far off counts little more than one slightly off, so that the minimum is broad and few points do not decide. A
-    /// block that cannot be evaluated counts as off by half the range.
+    /// block that cannot be evaluated counts as off by half the range. States are those at the start.
     [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
 
     /// Cycles left out because they are states of rest.
     [[nodiscard]] const std::vector<std::size_t>& at_rest() const { return targets_.at_rest; }
 
 private:
-    /// Deviations of all records and scales at these parameters; how much the typical one moved (ln).
-    double weigh(const Eigen::VectorXd& values);
+    /// Deviations of all records and scales of a set at these parameters. @return how much the typical one moved (ln)
+    double weigh(estimator::ActiveSet& active, const Eigen::VectorXd& values) const;
+    /// The states of a cycle's points, shape (n, p).
+    [[nodiscard]] Eigen::Map<const Eigen::MatrixXd> nodes(const estimator::ActiveSet& active, std::size_t block) const;
 
     std::shared_ptr<const models::System> system_;
     models::ParameterBinding binding_;
     SectionMap map_;
     PointReading reading_;
     double floor_;
-    int refreshed_ = 0;
-    bool provisional_ = true;
     CycleTargets targets_;
     Eigen::VectorXd range_;
-    std::vector<estimator::Group> groups_;
-    std::vector<estimator::BlockLayout> layout_;
+    estimator::ActiveSet initial_;  ///< memory: the states of each cycle's points, then the number of updates
 };
 
 /// A better start for the one-period prediction: each parameter in turn is tried on a coarse ladder around its start

@@ -22,21 +22,21 @@ constexpr double far_shift = 3.0;
 
 }  // namespace
 
-Continuity looser(const ShootingResidual& residual) {
+Continuity looser(const ShootingResidual& residual, const estimator::ActiveSet& active) {
     Continuity matching = residual.matching();
     matching.kind = matching.kind == Continuity::Kind::normal ? Continuity::Kind::normal : Continuity::Kind::student_t;
-    matching.sd = looser_matching * residual.matching_sd();
+    matching.sd = looser_matching * residual.matching_sd(active);
     matching.estimate = false;
     matching.constraints = false;
     return matching;
 }
 
-ContinuityReport matching_report(const ShootingResidual& residual, const VectorXd& theta,
-                                 const std::vector<VectorXd>& latents) {
+ContinuityReport matching_report(const ShootingResidual& residual, const estimator::ActiveSet& active,
+                                 const VectorXd& theta, const std::vector<VectorXd>& latents) {
     ContinuityReport report;
-    report.sd = residual.matching_sd();
-    report.noise = residual.noise();
-    report.defect = residual.defect(theta, latents, report.sd);
+    report.sd = residual.matching_sd(active);
+    report.noise = residual.noise(active);
+    report.defect = residual.defect(active, theta, latents, report.sd);
     const Continuity::Kind kind = residual.matching().kind;
     const auto n = static_cast<double>(report.sd.size());
     if (kind != Continuity::Kind::exact)
@@ -58,9 +58,10 @@ ContinuityReport matching_report(const ShootingResidual& residual, const VectorX
     return report;
 }
 
-void compare(ContinuityReport& report, const ShootingResidual& residual, const std::vector<std::string>& names,
-             const VectorXd& theta, const VectorXd& sds, const VectorXd& other, const VectorXd& other_sds) {
-    report.looser = looser_matching * residual.matching_sd();
+void compare(ContinuityReport& report, const ShootingResidual& residual, const estimator::ActiveSet& active,
+             const std::vector<std::string>& names, const VectorXd& theta, const VectorXd& sds, const VectorXd& other,
+             const VectorXd& other_sds) {
+    report.looser = looser_matching * residual.matching_sd(active);
     report.shift = VectorXd::Constant(theta.size(), std::numeric_limits<double>::quiet_NaN());
     for (Index i = 0; i < theta.size(); ++i) {
         // Both variances are estimates: of nearly equal ones the difference says little.

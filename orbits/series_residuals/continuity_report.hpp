@@ -28,19 +28,20 @@ struct ContinuityReport {
 /// How much looser the second estimate matches: enough to weight the readings differently.
 inline constexpr double looser_matching = 10.0;
 
-/// Continuity for the second estimate: `looser_matching` times the sds at which the residual has ended, fixed, with the
-/// same distribution; begin it from the estimate's latent states, see ShootingResidual::with().
-[[nodiscard]] Continuity looser(const ShootingResidual& residual);
+/// Continuity for the second estimate: `looser_matching` times the sds of the set with which an estimate has ended,
+/// fixed, with the same distribution; begin it from the estimate's latent states, see ShootingResidual::with().
+[[nodiscard]] Continuity looser(const ShootingResidual& residual, const estimator::ActiveSet& active);
 
 /// Defects at an estimate, with warnings.
-[[nodiscard]] ContinuityReport matching_report(const ShootingResidual& residual, const Eigen::VectorXd& theta,
+[[nodiscard]] ContinuityReport matching_report(const ShootingResidual& residual, const estimator::ActiveSet& active,
+                                               const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents);
 
 /// Adds the second estimate. Parameters without a sd (nan) have no shift.
 /// @param names   of the parameters, for the warnings.
 /// @param other, other_sds  of the estimate with looser(residual).
-void compare(ContinuityReport& report, const ShootingResidual& residual, const std::vector<std::string>& names,
-             const Eigen::VectorXd& theta, const Eigen::VectorXd& sds, const Eigen::VectorXd& other,
-             const Eigen::VectorXd& other_sds);
+void compare(ContinuityReport& report, const ShootingResidual& residual, const estimator::ActiveSet& active,
+             const std::vector<std::string>& names, const Eigen::VectorXd& theta, const Eigen::VectorXd& sds,
+             const Eigen::VectorXd& other, const Eigen::VectorXd& other_sds);
 
 }  // namespace orbid::orbits

@@ -49,9 +49,8 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
         group.unit = coordinate.unit;
         group.scale.value = 0.0;  // from the residuals
         group.distribution = estimator::StudentErrors{{false, 1.0, estimator::FlatPrior{}}};
-        groups_.push_back(std::move(group));
+        initial_.groups.push_back(std::move(group));
     }
-    deviation_ = Eigen::MatrixXd::Ones(n, std::ssize(transitions_));
     for (std::size_t first = 0; first < transitions_.size(); first += block_size) {
         const std::size_t last = std::min(first + block_size, transitions_.size());
         estimator::BlockLayout block;
@@ -59,12 +58,16 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
         for (std::size_t t = first; t < last; ++t)
             for (Index i = 0; i < n; ++i)
                 block.group.push_back(static_cast<int>(i));
-        layout_.push_back(std::move(block));
+        block.deviation = VectorXd::Ones(std::ssize(block.group));
+        initial_.layout.push_back(std::move(block));
     }
-    amplify(start);
+    initial_.latents.resize(initial_.layout.size());
+    initial_.memory = {VectorXd::Zero(1)};
+    initial_.is_intermediate_stage = true;
+    amplify(initial_, start);
 }
 
-double PredictionResidual::amplify(const VectorXd& theta) {
+double PredictionResidual::amplify(estimator::ActiveSet& active, const VectorXd& theta) const {
     const VectorXd& sizes = options_.sizes;
     const std::span<const Index> none;
     const auto made = predictions(systems_, binding_.values(theta), transitions_, none, clock_, options_.flow);
@@ -74,30 +77,26 @@ double PredictionResidual::amplify(const VectorXd& theta) {
         for (Index i = 0; i < sizes.size(); ++i) {
             const double grown = made[t].by_x.row(i).transpose().cwiseProduct(sizes).norm() / sizes[i];
             const double now = std::sqrt(own_variance + grown * grown);
-            double& deviation = deviation_(i, static_cast<Index>(t));
+            double& deviation = active.layout[t / block_size].deviation[record(t, i)];
             changes.push_back(std::abs(std::log(now / deviation)));
             deviation = now;
         }
     }
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
-        const auto first = static_cast<Index>(b * block_size);
-        const auto count = std::ssize(layout_[b].group) / deviation_.rows();
-        layout_[b].deviation = deviation_.middleCols(first, count).reshaped();
-    }
     return models::upper_median(std::move(changes));
 }
 
-std::vector<estimator::BlockValue> PredictionResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>&,
+std::vector<estimator::BlockValue> PredictionResidual::evaluate(const estimator::ActiveSet& active,
+                                                                const VectorXd& theta, const std::vector<VectorXd>&,
                                                                 bool derivatives) const {
     const std::optional<std::span<const Index>> free =
         derivatives ? std::optional<std::span<const Index>>(binding_.parameter) : std::nullopt;
     const auto made = predictions(systems_, binding_.values(theta), transitions_, free, clock_, options_.flow);
     const Index n = options_.sizes.size();
-    std::vector<estimator::BlockValue> values(layout_.size());
+    std::vector<estimator::BlockValue> values(active.layout.size());
     for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!layout_[b].active) continue;
+        if (!active.layout[b].active) continue;
         estimator::BlockValue& value = values[b];
-        const auto records = std::ssize(layout_[b].group);
+        const auto records = std::ssize(active.layout[b].group);
         value.e.resize(records);
         if (derivatives) {
             value.e_theta = Eigen::MatrixXd::Zero(records, binding_.estimated_count);
@@ -115,14 +114,17 @@ std::vector<estimator::BlockValue> PredictionResidual::evaluate(const VectorXd& 
     return values;
 }
 
-estimator::RefreshReport PredictionResidual::update_active_set(const VectorXd& theta, const std::vector<VectorXd>&,
-                                                               const VectorXd&) {
+estimator::RefreshReport PredictionResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
+                                                               const std::vector<VectorXd>&, const VectorXd&) const {
     constexpr double settled = 0.02;  // of a weight: no estimate moves with that
     constexpr int enough = 8;
+    constexpr int rough = 3;  // rounds that are minimised roughly
     estimator::RefreshReport report;
-    if (rounds_ >= enough) return report;
-    ++rounds_;
-    report.changed = amplify(theta) > settled;
+    double& rounds = active.memory.front()[0];
+    if (rounds >= enough) return report;
+    ++rounds;
+    active.is_intermediate_stage = rounds < rough;
+    report.changed = amplify(active, theta) > settled;
     return report;
 }
 
@@ -132,10 +134,9 @@ double PredictionResidual::misfit(const VectorXd& theta) const {
     double sum = 0.0;
     std::size_t count = 0;
     for (std::size_t t = 0; t < made.size(); ++t) {
-        if (!layout_[t / block_size].active) continue;
+        const VectorXd& deviation = layout()[t / block_size].deviation;
         for (Index i = 0; i < options_.sizes.size(); ++i, ++count) {
-            const double e =
-                made[t].ok ? made[t].error[i] / (options_.sizes[i] * deviation_(i, static_cast<Index>(t))) : 1.0;
+            const double e = made[t].ok ? made[t].error[i] / (options_.sizes[i] * deviation[record(t, i)]) : 1.0;
             sum += std::log1p(e * e / (off * off));
         }
     }

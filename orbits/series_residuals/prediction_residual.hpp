@@ -41,44 +41,42 @@ public:
                        PredictionOptions options = {});
 
     [[nodiscard]] std::string_view type() const override { return "prediction"; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override {
-        return std::vector<Eigen::VectorXd>(layout_.size());
-    }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
     /// Amplifications at theta, until they settle.
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
-    [[nodiscard]] bool is_intermediate_stage() const override { return rounds_ < rough_rounds; }
+                                               const Eigen::VectorXd& scales) const override;
 
     /// Robust measure of theta's prediction errors: mean over all records of ln(1 + (e / (0.02 sizes sqrt(..)))^2) with
-    /// the present amplifications. A prediction far off counts little more than one slightly off, so that the minimum
-    /// is broad and few transitions do not decide. One that cannot be made counts as off by its whole range.
+    /// the amplifications at the start. A prediction far off counts little more than one slightly off, so that the
+    /// minimum is broad and few transitions do not decide. One that cannot be made counts as off by its whole range.
     [[nodiscard]] double misfit(const Eigen::VectorXd& theta) const;
 
 private:
-    static constexpr int rough_rounds = 3;
-
     static constexpr std::size_t block_size = 64;
 
-    /// @return the relative change of a weight in the median
-    double amplify(const Eigen::VectorXd& theta);
+    /// Place of a coordinate of a transition among the records of its block.
+    [[nodiscard]] Eigen::Index record(std::size_t transition, Eigen::Index coordinate) const {
+        return static_cast<Eigen::Index>(transition % block_size) * options_.sizes.size() + coordinate;
+    }
+    /// Deviations of a set at theta: d_i sqrt(0.01 + ..) over d_i. @return the relative change of a weight in the
+    /// median
+    double amplify(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const;
 
     std::vector<std::shared_ptr<const models::System>> systems_;
     models::ParameterBinding binding_;
     std::vector<Transition> transitions_;
     models::Clock clock_;
     PredictionOptions options_;
-    Eigen::MatrixXd deviation_;  ///< shape (n, transitions): d_i sqrt(0.01 + ..) over d_i
-    int rounds_ = 0;
-    std::vector<estimator::Group> groups_;
-    std::vector<estimator::BlockLayout> layout_;
+    estimator::ActiveSet initial_;  ///< memory: the number of updates
 };
 
 }  // namespace orbid::orbits

@@ -81,13 +81,13 @@ std::vector<Eigen::VectorXd> SeriesResidual::initial_latents() const {
     return latents;
 }
 
-std::vector<BlockValue> SeriesResidual::evaluate(const Eigen::VectorXd& theta,
+std::vector<BlockValue> SeriesResidual::evaluate(const estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                  const std::vector<Eigen::VectorXd>& latents, bool derivatives) const {
     assert(latents.size() == blocks_.size());
     std::vector<BlockValue> values(blocks_.size());
     const Eigen::VectorXd all = binding_.values(theta);
     oneapi::tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-        if (!layout_[b].active) return;
+        if (!active.layout[b].active) return;
         values[b] = value(blocks_[b], all, state(b, theta, latents[b]), derivatives);
         if (!derivatives || values[b].status != BlockStatus::ok) return;
         for (const Eigen::Index i : given_) {
@@ -177,16 +177,6 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
     if (derivatives) result.e_theta = binding_.spread(by_parameter);
     if (!result.e.allFinite() || !result.e_theta.allFinite() || !result.e_z.allFinite()) return failed;
     return result;
-}
-
-estimator::RefreshReport SeriesResidual::update_active_set(const Eigen::VectorXd& /*theta*/,
-                                                           const std::vector<Eigen::VectorXd>& /*latents*/,
-                                                           const Eigen::VectorXd& /*scales*/) {
-    return {};
-}
-
-void SeriesResidual::deactivate(std::size_t block) {
-    layout_.at(block).active = false;
 }
 
 }  // namespace orbid::orbits

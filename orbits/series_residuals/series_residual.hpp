@@ -100,14 +100,10 @@ public:
     [[nodiscard]] estimator::LatentStructure structure() const override;
     [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override { return options_.covariances; }
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    /// Nothing to do between rounds: the set of segments is fixed.
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
-                                               const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    void deactivate(std::size_t block) override;
 
     /// Predicts segments at given parameters. All initial coordinates that are not fixed are fitted to the segment
     /// itself, started from the data as in initial_latents(). The method is damped Gauss-Newton on the sum of squares

@@ -64,6 +64,7 @@ void set_match(const VectorXd& defect, bool linked, const MatrixXd& state, const
 struct ShootingResidual::Chunk {
     const InstantPattern* pattern;
     std::span<const std::size_t> nodes;
+    models::FlowOptions flow;
 };
 
 /// Flows of a chunk, and what the instrument reads on them. Column k (m + 1) + 1 + j belongs to instant j of node k,
@@ -83,28 +84,30 @@ struct ShootingResidual::Simulated {
     [[nodiscard]] Index column(Index node, Index instant) const { return node * (instants + 1) + 1 + instant; }
 };
 
-std::vector<BlockValue> ShootingResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>& latents,
-                                                   bool derivatives) const {
-    assert(latents.size() == layout_.size());
-    std::vector<BlockValue> values(layout_.size());
+std::vector<BlockValue> ShootingResidual::evaluate(const estimator::ActiveSet& active, const VectorXd& theta,
+                                                   const std::vector<VectorXd>& latents, bool derivatives) const {
+    assert(latents.size() == active.layout.size());
+    std::vector<BlockValue> values(active.layout.size());
     const Data& data = *data_;
     const VectorXd all = data.binding.values(theta);
     const bool possible = in_domain(data.system(), all);
     // 1024 flows of some microseconds: enough for packs and threads, little memory in flight.
     constexpr std::size_t together = 1024;
     std::vector<Chunk> chunks;
-    std::vector<std::vector<std::size_t>> active(data.plan.patterns.size());
-    for (std::size_t p = 0; p < active.size(); ++p) {
+    const models::FlowOptions flow = stage_flow(active);
+    std::vector<std::vector<std::size_t>> evaluated(data.plan.patterns.size());
+    for (std::size_t p = 0; p < evaluated.size(); ++p) {
         for (const std::size_t b : data.plan.patterns[p].nodes) {
-            if (!layout_[b].active) continue;
+            if (!active.layout[b].active) continue;
             if (possible && latents[b].allFinite())
-                active[p].push_back(b);
+                evaluated[p].push_back(b);
             else
                 values[b].status = BlockStatus::failed;
         }
-        const std::span<const std::size_t> nodes(active[p]);
+        const std::span<const std::size_t> nodes(evaluated[p]);
         for (std::size_t first = 0; first < nodes.size(); first += together)
-            chunks.push_back({&data.plan.patterns[p], nodes.subspan(first, std::min(together, nodes.size() - first))});
+            chunks.push_back(
+                {&data.plan.patterns[p], nodes.subspan(first, std::min(together, nodes.size() - first)), flow});
     }
     oneapi::tbb::parallel_for(std::size_t{0}, chunks.size(),
                               [&](std::size_t c) { evaluate(chunks[c], all, latents, derivatives, values); });
@@ -113,11 +116,11 @@ std::vector<BlockValue> ShootingResidual::evaluate(const VectorXd& theta, const 
 
 /// As accurate as the present matching needs, so that steps of the integrator do not show: with a hundredth of its sd a
 /// series of 42 754 sections stopped 0.1 sds of the length short of its minimum.
-models::FlowOptions ShootingResidual::stage_flow() const {
+models::FlowOptions ShootingResidual::stage_flow(const estimator::ActiveSet& active) const {
     constexpr double share = 0.003;
     constexpr double roughest = 1e-7;
     models::FlowOptions flow = data_->options.flow;
-    const double enough = matching_.constraints ? 0.0 : std::min(roughest, share * tightness_);
+    const double enough = matching_.constraints ? 0.0 : std::min(roughest, share * active.memory.front()[tightness]);
     flow.relative_tolerance = std::max(flow.relative_tolerance, enough);
     flow.absolute_tolerance = std::max(flow.absolute_tolerance, enough);
     return flow;
@@ -152,7 +155,7 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     const std::optional<std::span<const Index>> free =
         derivatives ? std::optional<std::span<const Index>>(data.binding.parameter) : std::nullopt;
     if (result.instants > 0)
-        result.flows = system.flows(starts, phases, in_order, all, free, data.plan.clock, stage_flow());
+        result.flows = system.flows(starts, phases, in_order, all, free, data.plan.clock, chunk.flow);
 
     result.ok.assign(chunk.nodes.size(), 1);
     result.states.resize(n, count * (result.instants + 1));
@@ -210,7 +213,7 @@ void ShootingResidual::evaluate(const Chunk& chunk, const VectorXd& all, const s
     if (run.read.status != models::FlowStatus::ok && chunk.nodes.size() > 1) {
         // Which one it is, each for itself tells.
         for (std::size_t k = 0; k < chunk.nodes.size(); ++k)
-            evaluate(Chunk{chunk.pattern, chunk.nodes.subspan(k, 1)}, all, latents, derivatives, values);
+            evaluate(Chunk{chunk.pattern, chunk.nodes.subspan(k, 1), chunk.flow}, all, latents, derivatives, values);
         return;
     }
     for (std::size_t k = 0; k < chunk.nodes.size(); ++k) {

@@ -35,9 +35,9 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     data_ = data;
     check_matching();
     guess_nodes(all);
-    MatrixXd states(data->system().dimension(), std::ssize(start_));
-    for (std::size_t b = 0; b < start_.size(); ++b)
-        states.col(static_cast<Index>(b)) = start_[b];
+    MatrixXd states(data->system().dimension(), std::ssize(initial_.latents));
+    for (std::size_t b = 0; b < initial_.latents.size(); ++b)
+        states.col(static_cast<Index>(b)) = initial_.latents[b];
     data->range = coordinate_range(data->system(), data->series, states);
     for (const ObservedCoordinate& o : data->observed)
         if (o.group == std::ssize(data->reading_range)) data->reading_range.push_back(data->range[o.coordinate]);
@@ -49,7 +49,7 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
 void ShootingResidual::guess_nodes(const VectorXd& all) {
     const Data& data = *data_;
     const auto& plan = data.plan;
-    start_.resize(plan.nodes.size());
+    initial_.latents.resize(plan.nodes.size());
     for (std::size_t f = 0, b = 0; f < data.options.segments.size(); ++f) {
         const std::size_t s = data.options.segments[f];
         std::vector<Index> samples;
@@ -70,32 +70,32 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
                   "the model, samples one at least",
                   data.series.segments[s].label);
         for (Index k = 0; k < states.cols(); ++k, ++b)
-            start_[b] = states.col(k);
+            initial_.latents[b] = states.col(k);
     }
 }
 
-ShootingResidual ShootingResidual::with(const Continuity& matching, std::vector<VectorXd> latents,
-                                        const VectorXd& theta) const {
+ShootingResidual ShootingResidual::with(const Continuity& matching, const estimator::ActiveSet& active,
+                                        std::vector<VectorXd> latents, const VectorXd& theta) const {
     ShootingResidual other = *this;
     other.matching_ = matching;
     other.check_matching();
     if (!latents.empty()) {
-        assert(latents.size() == start_.size());
-        other.start_ = std::move(latents);
+        assert(latents.size() == initial_.latents.size());
+        other.initial_.latents = std::move(latents);
     }
-    other.groups_.clear();
-    other.layout_.clear();
+    other.initial_.groups.clear();
+    other.initial_.layout.clear();
     other.make_groups();
     other.make_layout();
-    for (std::size_t b = 0; b < layout_.size(); ++b)
-        other.layout_[b].active = layout_[b].active;
+    for (std::size_t b = 0; b < active.layout.size(); ++b)
+        other.initial_.layout[b].active = active.layout[b].active;
     other.begin_matching(theta.size() > 0 ? theta : start_theta());
     return other;
 }
 
 /// Errors of the readings over their ranges as the predictions from one node's readings to the next one's have them: an
 /// upper bound until the parameters are right, see prediction_noise(). One per group of readings.
-VectorXd ShootingResidual::reading_noise(const VectorXd& all) const {
+VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     const Data& data = *data_;
     const auto groups = std::ssize(data.reading_range);
     VectorXd noise = VectorXd::Zero(groups);
@@ -125,72 +125,82 @@ VectorXd ShootingResidual::start_theta() const {
 /// The first stage: matching as loose as the nodes that the data say leave it.
 void ShootingResidual::begin_matching(const VectorXd& theta) {
     const Data& data = *data_;
-    const VectorXd noise = reading_noise(data.binding.values(theta));
+    const VectorXd noise = predicted_noise(data.binding.values(theta));
     for (Index g = 0; g < noise.size(); ++g) {
-        estimator::Group& group = groups_[static_cast<std::size_t>(g)];
+        estimator::Group& group = initial_.groups[static_cast<std::size_t>(g)];
         const bool told = group.scale.value > group.floor;  // by the caller
         if (group.scale.estimate && !group.factor && !told && noise[g] > 0.0)
             group.scale.value = std::max(group.floor, noise[g] * data.reading_range[static_cast<std::size_t>(g)]);
     }
     unit_ = data.range;
+    initial_.memory.assign(1, VectorXd::Zero(memory_size));
+    initial_.is_intermediate_stage = false;
+    VectorXd& memory = initial_.memory.front();
     if (matching_.constraints) return;
-    find_noise();
+    find_noise(initial_);
+    double& end = memory[final_tightness];
     if (matching_.kind != Continuity::Kind::exact && matching_.sd.size() > 0) {
-        final_ = std::exp(matching_.sd.cwiseQuotient(data.range).array().log().mean());
-        unit_ = matching_.sd / final_;
+        end = std::exp(matching_.sd.cwiseQuotient(data.range).array().log().mean());
+        unit_ = matching_.sd / end;
     } else {
-        final_ = matching_.estimate ? noise_ * estimated_tightness : exact_matching(noise_);
+        end = matching_.estimate ? memory[reading_noise] * estimated_tightness : exact_matching(memory[reading_noise]);
     }
-    tightness_ = final_;
-    apply_matching();
-    const Defect now = defect(theta, start_, unit_);
+    memory[tightness] = end;
+    apply_matching(initial_);
+    const Defect now = defect(initial_, theta, initial_.latents, unit_);
     const double loose = std::sqrt(now.rms.cwiseQuotient(unit_).squaredNorm() / static_cast<double>(unit_.size()));
-    if (std::isfinite(loose)) tightness_ = std::max(final_, loose);
-    apply_matching();
+    if (std::isfinite(loose)) memory[tightness] = std::max(end, loose);
+    apply_matching(initial_);
 }
 
 /// Largest error of a reading over its range, as far as the groups know it.
-void ShootingResidual::find_noise() {
+void ShootingResidual::find_noise(estimator::ActiveSet& active) const {
     constexpr double unknown = 1e-3;  // with known sds only: between an encoder's and a bad instrument's
     double largest = 0.0;
     for (std::size_t g = 0; g < data_->reading_range.size(); ++g)
-        if (!groups_[g].factor) largest = std::max(largest, groups_[g].scale.value / data_->reading_range[g]);
-    noise_ = largest > 0.0 ? largest : unknown;
+        if (!active.groups[g].factor)
+            largest = std::max(largest, active.groups[g].scale.value / data_->reading_range[g]);
+    active.memory.front()[reading_noise] = largest > 0.0 ? largest : unknown;
 }
 
-void ShootingResidual::apply_matching() {
-    if (matching_.constraints) return;
+void ShootingResidual::apply_matching(estimator::ActiveSet& active) const {
+    const VectorXd& memory = active.memory.front();
+    active.is_intermediate_stage = memory[tightness] > memory[final_tightness];
     const std::size_t first = data_->reading_range.size();
     for (Index i = 0; i < unit_.size(); ++i) {
-        estimator::Group& group = groups_[first + static_cast<std::size_t>(i)];
-        group.scale.value = tightness_ * unit_[i];
-        if (matching_.estimate) group.floor = std::min(least_matching(noise_) * unit_[i], group.scale.value);
+        estimator::Group& group = active.groups[first + static_cast<std::size_t>(i)];
+        group.scale.value = memory[tightness] * unit_[i];
+        if (matching_.estimate)
+            group.floor = std::min(least_matching(memory[reading_noise]) * unit_[i], group.scale.value);
     }
 }
 
-estimator::RefreshReport ShootingResidual::update_active_set(const VectorXd& theta,
+estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
                                                              const std::vector<VectorXd>& latents,
-                                                             const VectorXd& /*scales*/) {
-    if (!is_intermediate_stage()) return {};
+                                                             const VectorXd& /*scales*/) const {
+    if (!active.is_intermediate_stage) return {};
     // Continuity that is tighter than the readings leaves their errors in the residuals; before that the nodes follow
     // the readings, and predictions from one reading to the next tell more.
     constexpr double tight = 0.1;
-    if (tightness_ < tight * noise_)
-        read_scales(theta, latents);
+    VectorXd& memory = active.memory.front();
+    if (memory[tightness] < tight * memory[reading_noise])
+        read_scales(active, theta, latents);
     else
-        predict_scales(theta);
-    find_noise();
-    if (matching_.kind == Continuity::Kind::exact) final_ = std::min(tightness_, exact_matching(noise_));
-    tightness_ = std::max(final_, next_share(noise_) * tightness_);
-    apply_matching();
+        predict_scales(active, theta);
+    find_noise(active);
+    const double noise = memory[reading_noise];
+    double& end = memory[final_tightness];
+    if (matching_.kind == Continuity::Kind::exact) end = std::min(memory[tightness], exact_matching(noise));
+    memory[tightness] = std::max(end, next_share(noise) * memory[tightness]);
+    apply_matching(active);
     return {};
 }
 
 /// Scales of readings that are still to be estimated, from predictions at theta.
-void ShootingResidual::predict_scales(const VectorXd& theta) {
-    const VectorXd noise = reading_noise(data_->binding.values(theta));
+void ShootingResidual::predict_scales(estimator::ActiveSet& active, const VectorXd& theta) const {
+    const VectorXd noise = predicted_noise(data_->binding.values(theta));
     for (Index g = 0; g < noise.size(); ++g) {
-        estimator::Group& group = groups_[static_cast<std::size_t>(g)];
+        estimator::Group& group = active.groups[static_cast<std::size_t>(g)];
         if (!group.scale.estimate || group.factor || !(noise[g] > 0.0)) continue;
         const double told = noise[g] * data_->reading_range[static_cast<std::size_t>(g)];
         // An upper bound: never upwards.
@@ -199,31 +209,33 @@ void ShootingResidual::predict_scales(const VectorXd& theta) {
 }
 
 /// The same from their residuals.
-void ShootingResidual::read_scales(const VectorXd& theta, const std::vector<VectorXd>& latents) {
+void ShootingResidual::read_scales(estimator::ActiveSet& active, const VectorXd& theta,
+                                   const std::vector<VectorXd>& latents) const {
     std::vector<std::vector<double>> sizes(data_->reading_range.size());
-    const auto values = evaluate(theta, latents, false);
+    const auto values = evaluate(active, theta, latents, false);
     for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!layout_[b].active || values[b].status != estimator::BlockStatus::ok) continue;
+        if (!active.layout[b].active || values[b].status != estimator::BlockStatus::ok) continue;
         const auto readings = data_->plan.of(b);
         for (std::size_t r = 0; r < readings.size(); ++r)
             sizes[static_cast<std::size_t>(readings[r].group)].push_back(std::abs(values[b].e[static_cast<Index>(r)]) /
                                                                          readings[r].deviation);
     }
-    for (std::size_t g = 0; g < sizes.size(); ++g)
-        if (groups_[g].scale.estimate && !sizes[g].empty())
-            groups_[g].scale.value =
-                std::max(groups_[g].floor, normal_median * models::upper_median(std::move(sizes[g])));
+    for (std::size_t g = 0; g < sizes.size(); ++g) {
+        estimator::Group& group = active.groups[g];
+        if (group.scale.estimate && !sizes[g].empty())
+            group.scale.value = std::max(group.floor, normal_median * models::upper_median(std::move(sizes[g])));
+    }
 }
 
-ShootingResidual::Defect ShootingResidual::defect(const VectorXd& theta, const std::vector<VectorXd>& latents,
-                                                  const VectorXd& sd) const {
-    const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd());
+ShootingResidual::Defect ShootingResidual::defect(const estimator::ActiveSet& active, const VectorXd& theta,
+                                                  const std::vector<VectorXd>& latents, const VectorXd& sd) const {
+    const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd(active));
     const Index n = data_->system().dimension();
     Defect result{VectorXd::Zero(n), VectorXd::Zero(n), 0, 0};
     std::vector<std::vector<double>> sizes(static_cast<std::size_t>(n));
-    const auto values = evaluate(theta, latents, false);
+    const auto values = evaluate(active, theta, latents, false);
     for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!layout_[b].active || !data_->plan.nodes[b].linked || !layout_[b + 1].active ||
+        if (!active.layout[b].active || !data_->plan.nodes[b].linked || !active.layout[b + 1].active ||
             values[b].status != estimator::BlockStatus::ok)
             continue;
         const VectorXd d = matching_.constraints ? values[b].c : VectorXd(values[b].e.tail(n));

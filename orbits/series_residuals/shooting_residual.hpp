@@ -54,7 +54,7 @@ struct ShootingOptions {
 /// the flow sticks there and X is singular, but the readings still count.
 ///
 /// Continuity begins loose, at the root mean square defect of the nodes guessed from the data. update_active_set()
-/// tightens it. is_intermediate_stage() is true until the requested tightness is reached.
+/// tightens it. Sets are intermediate stages until the requested tightness is reached.
 class ShootingResidual final : public estimator::Residual {
 public:
     /// @throws std::invalid_argument naming value and rule: coordinates or segments that do not exist or are named
@@ -65,24 +65,24 @@ public:
     ShootingResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
                      ShootingOptions options);
 
-    /// The same residual with other matching, started from these latent states and parameters of the estimator (empty:
-    /// its own). The data are shared.
-    [[nodiscard]] ShootingResidual with(const Continuity& matching, std::vector<Eigen::VectorXd> latents,
-                                        const Eigen::VectorXd& theta = {}) const;
+    /// The same residual with other matching and the active blocks of a set, started from these latent states and
+    /// parameters of the estimator (empty: its own). The data are shared.
+    [[nodiscard]] ShootingResidual with(const Continuity& matching, const estimator::ActiveSet& active,
+                                        std::vector<Eigen::VectorXd> latents, const Eigen::VectorXd& theta = {}) const;
 
     [[nodiscard]] std::string_view type() const override { return "series"; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::chain; }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return start_; }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
-    [[nodiscard]] bool is_intermediate_stage() const override { return tightness_ > final_; }
+                                               const Eigen::VectorXd& scales) const override;
 
     /// Continuity defects d = s_{i+1} - Phi(s_i), per coordinate of the model.
     struct Defect {
@@ -91,19 +91,23 @@ public:
         std::size_t large = 0;    ///< intervals with a coordinate beyond three of the given `sd`
         std::size_t count = 0;    ///< intervals
     };
-    /// @param sd  shape (n), > 0; empty: the present matching sds.
-    [[nodiscard]] Defect defect(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents,
-                                const Eigen::VectorXd& sd = {}) const;
+    /// @param sd  shape (n), > 0; empty: the matching sds of the set.
+    [[nodiscard]] Defect defect(const estimator::ActiveSet& active, const Eigen::VectorXd& theta,
+                                const std::vector<Eigen::VectorXd>& latents, const Eigen::VectorXd& sd = {}) const;
 
     /// Sampling intervals from node to node, as given or chosen.
     [[nodiscard]] Eigen::Index interval() const { return data_->interval; }
     /// Size of each coordinate's range, shape (n). In this unit matching is equally tight for all.
     [[nodiscard]] const Eigen::VectorXd& range() const { return data_->range; }
-    /// Present matching sds, shape (n); 0 when matching is by constraints.
-    [[nodiscard]] Eigen::VectorXd matching_sd() const { return tightness_ * unit_; }
+    /// Matching sds of a set, shape (n); 0 when matching is by constraints.
+    [[nodiscard]] Eigen::VectorXd matching_sd(const estimator::ActiveSet& active) const {
+        return active.memory.front()[tightness] * unit_;
+    }
     [[nodiscard]] const Continuity& matching() const { return matching_; }
     /// Largest sd of a reading over its range, as far as known.
-    [[nodiscard]] double noise() const { return noise_; }
+    [[nodiscard]] double noise(const estimator::ActiveSet& active) const {
+        return active.memory.front()[reading_noise];
+    }
     [[nodiscard]] const Series& series() const { return data_->series; }
     [[nodiscard]] const ShootingPlan& plan() const { return data_->plan; }
 
@@ -125,6 +129,9 @@ private:
 
         [[nodiscard]] const models::System& system() const { return *systems.front(); }
     };
+    /// Places in the memory of a set: tightness of matching, now and at the end, and the sd of readings over their
+    /// ranges, as far as known.
+    enum Memory : Eigen::Index { tightness, final_tightness, reading_noise, memory_size };
     struct Chunk;
     struct Simulated;
 
@@ -135,13 +142,14 @@ private:
     void make_groups();
     void make_layout();
     void begin_matching(const Eigen::VectorXd& theta);
-    void apply_matching();
-    void find_noise();
-    void predict_scales(const Eigen::VectorXd& theta);
-    void read_scales(const Eigen::VectorXd& theta, const std::vector<Eigen::VectorXd>& latents);
-    [[nodiscard]] models::FlowOptions stage_flow() const;
+    void apply_matching(estimator::ActiveSet& active) const;
+    void find_noise(estimator::ActiveSet& active) const;
+    void predict_scales(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const;
+    void read_scales(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
+                     const std::vector<Eigen::VectorXd>& latents) const;
+    [[nodiscard]] models::FlowOptions stage_flow(const estimator::ActiveSet& active) const;
     [[nodiscard]] Eigen::VectorXd start_theta() const;
-    [[nodiscard]] Eigen::VectorXd reading_noise(const Eigen::VectorXd& all) const;
+    [[nodiscard]] Eigen::VectorXd predicted_noise(const Eigen::VectorXd& all) const;
     void evaluate(const Chunk& chunk, const Eigen::VectorXd& all, const std::vector<Eigen::VectorXd>& latents,
                   bool derivatives, std::vector<estimator::BlockValue>& values) const;
     [[nodiscard]] Simulated simulated(const Chunk& chunk, const Eigen::VectorXd& all,
@@ -156,13 +164,8 @@ private:
 
     std::shared_ptr<const Data> data_;
     Continuity matching_;
-    std::vector<estimator::Group> groups_;
-    std::vector<estimator::BlockLayout> layout_;
-    std::vector<Eigen::VectorXd> start_;
-    Eigen::VectorXd unit_;    ///< matching sds over their tightness: the ranges, or in the requested proportions
-    double tightness_ = 0.0;  ///< of matching, now and at the end
-    double final_ = 0.0;
-    double noise_ = 0.0;  ///< sd of readings over their ranges, as far as known
+    estimator::ActiveSet initial_;  ///< memory: see Memory
+    Eigen::VectorXd unit_;          ///< matching sds over their tightness: the ranges, or in the requested proportions
 };
 
 }  // namespace orbid::orbits

@@ -146,7 +146,7 @@ void ShootingResidual::make_groups() {
             group.interval =
                 samples > 1 ? (first.times[samples - 1] - first.times[0]) / static_cast<double>(samples - 1) : 1.0;
         }
-        groups_.push_back(std::move(group));
+        initial_.groups.push_back(std::move(group));
     }
     if (matching_.constraints) return;
     for (const models::Coordinate& coordinate : data.system().coordinates()) {
@@ -157,7 +157,7 @@ void ShootingResidual::make_groups() {
         // Exact matching is approached with Student's t: as its sd falls below what defects need, both are the same.
         if (matching_.kind != Continuity::Kind::normal)
             group.distribution = estimator::StudentErrors{{false, matching_.dof, estimator::FlatPrior{}}};
-        groups_.push_back(std::move(group));
+        initial_.groups.push_back(std::move(group));
     }
 }
 
@@ -169,7 +169,7 @@ void ShootingResidual::make_layout() {
                                    [](const ErrorForm& form) { return is_sized(form.distribution); });
     const bool known_sds = std::any_of(data.observed.begin(), data.observed.end(),
                                        [](const ObservedCoordinate& o) { return o.known_sds; });
-    layout_.reserve(data.plan.nodes.size());
+    initial_.layout.reserve(data.plan.nodes.size());
     for (std::size_t b = 0; b < data.plan.nodes.size(); ++b) {
         const PlannedNode& node = data.plan.nodes[b];
         const auto readings = data.plan.of(b);
@@ -199,7 +199,7 @@ void ShootingResidual::make_layout() {
             for (std::size_t r = 0; r < readings.size(); ++r)
                 block.observed[static_cast<Index>(r)] = readings[r].value;
         }
-        layout_.push_back(std::move(block));
+        initial_.layout.push_back(std::move(block));
     }
 }
 

@@ -2,6 +2,7 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <span>
@@ -44,7 +45,7 @@ PeriodicOrbit spread(PeriodicOrbit orbit, const models::ParameterBinding& bindin
 }  // namespace
 
 estimator::LatentStructure WaveformResidual::structure() const {
-    for (const estimator::BlockLayout& block : layout_)
+    for (const estimator::BlockLayout& block : layout())
         if (block.latents > 0) return estimator::LatentStructure::independent_blocks;
     return estimator::LatentStructure::none;
 }
@@ -55,13 +56,15 @@ bool WaveformResidual::in_domain(const VectorXd& values) const {
     return true;
 }
 
-double WaveformResidual::find_start(std::size_t b, const VectorXd& theta) {
-    Known& known = known_[b];
+WaveformResidual::FoundStart WaveformResidual::find_start(std::size_t b, const VectorXd& theta) const {
+    FoundStart found;
+    Known& known = found.known;
     const VectorXd values = records_[b].binding.values(theta);
     WaveformStart start = find_waveform_start({*system_, values, records_[b], options_.channels, options_.flow});
     known.status = start.status;
     known.offsets = VectorXd::Zero(std::ssize(options_.channels));
-    if (start.status != OrbitStatus::converged) return std::numeric_limits<double>::infinity();
+    found.misfit = std::numeric_limits<double>::infinity();
+    if (start.status != OrbitStatus::converged) return found;
     known.origin = std::move(start.origin);
     known.scale = std::move(start.place.size);
     known.phase = start.place.phase;
@@ -70,12 +73,12 @@ double WaveformResidual::find_start(std::size_t b, const VectorXd& theta) {
     known.orbit.sensitivities.resize(0, 0);
     const PeriodicOrbit orbit = solve_near(b, known, theta, true);
     known.status = orbit.status;
-    if (orbit.status == OrbitStatus::converged) keep(b, orbit, theta);
-    return start.place.misfit;
+    if (orbit.status == OrbitStatus::converged) keep(known, b, orbit, theta);
+    found.misfit = start.place.misfit;
+    return found;
 }
 
-void WaveformResidual::keep(std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) {
-    Known& known = known_[block];
+void WaveformResidual::keep(Known& known, std::size_t block, const PeriodicOrbit& orbit, const VectorXd& theta) const {
     known.orbit = spread(orbit, records_[block].binding);
     known.theta = theta;
 }
@@ -111,8 +114,8 @@ PeriodicOrbit WaveformResidual::solve_near(std::size_t block, const Known& from,
     return solve_orbit(*system_, values, start, derivatives ? binding.parameter : no_parameters, options);
 }
 
-PeriodicOrbit WaveformResidual::solve(std::size_t block, const VectorXd& theta, bool derivatives) const {
-    const Known& known = known_[block];
+PeriodicOrbit WaveformResidual::solve(std::size_t block, const Known& known, const VectorXd& theta,
+                                      bool derivatives) const {
     PeriodicOrbit orbit = solve_near(block, known, theta, derivatives);
     if (orbit.status == OrbitStatus::converged) return orbit;
     // A step that is too long for one prediction is divided into shorter ones.
@@ -150,23 +153,10 @@ WaveformResidual::Alignment WaveformResidual::alignment(std::size_t block, const
     return result;
 }
 
-std::vector<VectorXd> WaveformResidual::initial_latents() const {
-    std::vector<VectorXd> latents;
-    for (std::size_t b = 0; b < blocks_.size(); ++b) {
-        VectorXd z(std::ssize(blocks_[b].unknowns));
-        for (Index i = 0; i < z.size(); ++i) {
-            const Index unknown = blocks_[b].unknowns[static_cast<std::size_t>(i)];
-            z(i) = unknown < 0 ? known_[b].phase : known_[b].offsets(unknown);
-        }
-        latents.push_back(std::move(z));
-    }
-    return latents;
-}
-
-BlockValue WaveformResidual::value(std::size_t b, const VectorXd& theta, const VectorXd& latents,
+BlockValue WaveformResidual::value(std::size_t b, const Known& known, const VectorXd& theta, const VectorXd& latents,
                                    bool derivatives) const {
     if (!latents.allFinite()) return failed();
-    const PeriodicOrbit orbit = solve(b, theta, derivatives);
+    const PeriodicOrbit orbit = solve(b, known, theta, derivatives);
     if (orbit.status != OrbitStatus::converged) return failed();
     const WaveformRecord& record = records_[b];
     const Block& block = blocks_[b];
@@ -175,7 +165,7 @@ BlockValue WaveformResidual::value(std::size_t b, const VectorXd& theta, const V
     const Alignment place = alignment(b, latents);
     const std::span<const double> times(record.times.data(), static_cast<std::size_t>(record.times.size()));
     const CurveReadings read =
-        readings_along(*system_, values, orbit, known_[b].origin, record.sensor, times, place.phase,
+        readings_along(*system_, values, orbit, known.origin, record.sensor, times, place.phase,
                        derivatives ? std::optional<std::span<const Index>>(free) : std::nullopt, options_.flow);
     if (!read.simulated) return failed();
 
@@ -206,35 +196,35 @@ BlockValue WaveformResidual::value(std::size_t b, const VectorXd& theta, const V
     return result;
 }
 
-std::vector<BlockValue> WaveformResidual::evaluate(const VectorXd& theta, const std::vector<VectorXd>& latents,
-                                                   bool derivatives) const {
+std::vector<BlockValue> WaveformResidual::evaluate(const estimator::ActiveSet& active, const VectorXd& theta,
+                                                   const std::vector<VectorXd>& latents, bool derivatives) const {
     assert(latents.size() == blocks_.size());
     std::vector<BlockValue> values(blocks_.size());
     tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-        if (layout_[b].active) values[b] = value(b, theta, latents[b], derivatives);
+        if (active.layout[b].active) values[b] = value(b, known(active, b), theta, latents[b], derivatives);
     });
     return values;
 }
 
-std::vector<PeriodicOrbit> WaveformResidual::solutions(const VectorXd& theta) const {
+std::vector<PeriodicOrbit> WaveformResidual::solutions(const estimator::ActiveSet& active,
+                                                       const VectorXd& theta) const {
     std::vector<PeriodicOrbit> orbits(blocks_.size());
     tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-        if (known_[b].theta.size() > 0) {
-            orbits[b] = solve(b, theta, false);
-        } else {
-            orbits[b].status = known_[b].status;
-        }
+        const Known from = known(active, b);
+        orbits[b].status = from.status;
+        if (from.theta.size() > 0) orbits[b] = solve(b, from, theta, false);
     });
     return orbits;
 }
 
-MatrixXd WaveformResidual::readings(std::size_t block, const VectorXd& theta, const PeriodicOrbit& orbit,
-                                    const VectorXd& latents, std::span<const double> times) const {
+MatrixXd WaveformResidual::readings(const estimator::ActiveSet& active, std::size_t block, const VectorXd& theta,
+                                    const PeriodicOrbit& orbit, const VectorXd& latents,
+                                    std::span<const double> times) const {
     const WaveformRecord& record = records_[block];
     const VectorXd values = record.binding.values(theta);
     const Alignment place = alignment(block, latents);
-    const CurveReadings read = readings_along(*system_, values, orbit, known_[block].origin, record.sensor, times,
-                                              place.phase, std::nullopt, options_.flow);
+    const CurveReadings read = readings_along(*system_, values, orbit, known(active, block).origin, record.sensor,
+                                              times, place.phase, std::nullopt, options_.flow);
     if (!read.simulated) return {};
     MatrixXd result(std::ssize(options_.channels), read.readings.cols());
     for (std::size_t c = 0; c < options_.channels.size(); ++c) {
@@ -245,60 +235,63 @@ MatrixXd WaveformResidual::readings(std::size_t block, const VectorXd& theta, co
 }
 
 /// Seeks the orbits of lost records anew, from the records themselves, once per record. @return how many are back
-int WaveformResidual::seek_lost(const VectorXd& theta) {
+int WaveformResidual::seek_lost(estimator::ActiveSet& active, const VectorXd& theta) const {
     std::vector<std::size_t> lost;
     for (std::size_t b = 0; b < blocks_.size(); ++b)
-        if (!layout_[b].active && !known_[b].sought_again && in_domain(records_[b].binding.values(theta)))
+        if (!active.layout[b].active && !known(active, b).sought_again && in_domain(records_[b].binding.values(theta)))
             lost.push_back(b);
     tbb::parallel_for(std::size_t{0}, lost.size(), [&](std::size_t i) {
-        Known before = std::exchange(known_[lost[i]], Known{});
-        const double misfit = find_start(lost[i], theta);
-        known_[lost[i]].taken_back = before.taken_back;
-        if (known_[lost[i]].status != OrbitStatus::converged || !(misfit < alike)) known_[lost[i]] = std::move(before);
-        known_[lost[i]].sought_again = true;
+        const std::size_t b = lost[i];
+        const Known before = known(active, b);
+        auto [after, misfit] = find_start(b, theta);
+        after.taken_back = before.taken_back;
+        if (after.status != OrbitStatus::converged || !(misfit < alike)) after = before;
+        after.sought_again = true;
+        remember(active, b, after);
+        active.layout[b].active = after.theta.size() > 0 && after.theta == theta;
     });
-    int back = 0;
-    for (const std::size_t b : lost) {
-        layout_[b].active = known_[b].theta.size() > 0 && known_[b].theta == theta;
-        back += layout_[b].active ? 1 : 0;
-    }
-    return back;
+    return static_cast<int>(
+        std::count_if(lost.begin(), lost.end(), [&](std::size_t b) { return active.layout[b].active; }));
 }
 
-estimator::RefreshReport WaveformResidual::update_active_set(const VectorXd& theta,
+estimator::RefreshReport WaveformResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
                                                              const std::vector<VectorXd>& /*latents*/,
-                                                             const VectorXd& /*scales*/) {
+                                                             const VectorXd& /*scales*/) const {
     std::vector<PeriodicOrbit> solved(blocks_.size());
     tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-        if (known_[b].theta.size() > 0) solved[b] = solve(b, theta, true);
+        const Known from = known(active, b);
+        if (from.theta.size() > 0) solved[b] = solve(b, from, theta, true);
     });
     estimator::RefreshReport report;
     bool far = false;
     for (std::size_t b = 0; b < blocks_.size(); ++b) {
-        if (known_[b].theta.size() == 0) continue;
+        Known last = known(active, b);
+        if (last.theta.size() == 0) continue;
         const bool there = solved[b].status == OrbitStatus::converged;
         if (there) {
-            const VectorXd move =
-                (solved[b].points.col(0) - known_[b].orbit.points.col(0)).cwiseQuotient(known_[b].scale);
+            const VectorXd move = (solved[b].points.col(0) - last.orbit.points.col(0)).cwiseQuotient(last.scale);
             far = far || !(move.cwiseAbs().maxCoeff() <= options_.maximum_move);
-            keep(b, solved[b], theta);
+            keep(last, b, solved[b], theta);
         }
-        if (layout_[b].active && !there) {
-            layout_[b].active = false;
+        estimator::BlockLayout& layout = active.layout[b];
+        if (layout.active && !there) {
+            layout.active = false;
             ++report.lost;
-        } else if (!layout_[b].active && there && known_[b].taken_back < most_returns) {
-            layout_[b].active = true;
-            ++known_[b].taken_back;
+        } else if (!layout.active && there && last.taken_back < most_returns) {
+            layout.active = true;
+            ++last.taken_back;
             ++report.added;
         }
+        remember(active, b, last);
     }
     // Solutions that were predicted from afar are predicted from here once more: near the end of a branch the
     // predictions alone may have stopped those steps.
-    const bool again = far && anchored_ < most_anchorings;
-    if (again) ++anchored_;
+    double& anchorings = active.memory.back()[0];
+    const bool again = far && anchorings < most_anchorings;
+    if (again) ++anchorings;
     report.changed = report.lost + report.added > 0 || again;
     if (!report.changed) {
-        report.added = seek_lost(theta);
+        report.added = seek_lost(active, theta);
         report.changed = report.added > 0;
     }
     return report;

@@ -65,24 +65,26 @@ public:
                      WaveformOptions options);
 
     [[nodiscard]] std::string_view type() const override { return "waveform"; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override;
     [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override { return options_.covariances; }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override;
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    void deactivate(std::size_t block) override { layout_.at(block).active = false; }
+                                               const Eigen::VectorXd& scales) const override;
 
     /// The periodic solutions at theta, one per block, with multipliers; status tells why others did not converge.
-    /// Without sensitivities.
-    [[nodiscard]] std::vector<PeriodicOrbit> solutions(const Eigen::VectorXd& theta) const;
+    /// Without sensitivities. They start from the solutions that the set remembers.
+    [[nodiscard]] std::vector<PeriodicOrbit> solutions(const estimator::ActiveSet& active,
+                                                       const Eigen::VectorXd& theta) const;
     /// How the search for the orbit of a record at the start ended.
-    [[nodiscard]] OrbitStatus start_status(std::size_t block) const { return known_[block].status; }
+    [[nodiscard]] OrbitStatus start_status(std::size_t block) const { return known(initial_, block).status; }
 
     /// Phase and offsets of a record: estimated ones from the latent states, known ones as given.
     struct Alignment {
@@ -104,7 +106,8 @@ public:
     [[nodiscard]] const models::System& system() const { return *system_; }
     /// Readings of an orbit at times of a record's clock, shape (channels, m), offsets included; empty if the flow
     /// cannot be followed.
-    [[nodiscard]] Eigen::MatrixXd readings(std::size_t block, const Eigen::VectorXd& theta, const PeriodicOrbit& orbit,
+    [[nodiscard]] Eigen::MatrixXd readings(const estimator::ActiveSet& active, std::size_t block,
+                                           const Eigen::VectorXd& theta, const PeriodicOrbit& orbit,
                                            const Eigen::VectorXd& latents, std::span<const double> times) const;
 
 private:
@@ -112,7 +115,7 @@ private:
         std::vector<Source> sources;
         std::vector<Eigen::Index> unknowns;
     };
-    /// The last solution.
+    /// The last solution of a record. The memory of a set holds it, see known().
     struct Known {
         OrbitStatus status = OrbitStatus::no_progress;  ///< at the start, or where it was sought again
         Eigen::VectorXd theta;                          ///< the estimator's; empty: none yet
@@ -124,6 +127,15 @@ private:
         int taken_back = 0;
         bool sought_again = false;  ///< by seek_lost()
     };
+    /// Vectors in that memory for each record; after them one with the number of anchorings.
+    static constexpr std::size_t memory_parts = 9;
+    [[nodiscard]] static Known known(const estimator::ActiveSet& active, std::size_t block);
+    /// With the latent states where the record starts.
+    void remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const;
+    struct FoundStart {
+        Known known;
+        double misfit = 0.0;  ///< mean square error of the record, over its variance
+    };
 
     void check_model() const;
     void check_channels() const;
@@ -133,25 +145,23 @@ private:
     void make_groups();
     [[nodiscard]] Block make_block(const WaveformRecord& record) const;
     [[nodiscard]] estimator::BlockLayout make_layout(const WaveformRecord& record, const Block& block) const;
-    /// @return mean square error of the record, over its variance
-    double find_start(std::size_t block, const Eigen::VectorXd& theta);
-    int seek_lost(const Eigen::VectorXd& theta);
-    void keep(std::size_t block, const PeriodicOrbit& orbit, const Eigen::VectorXd& theta);
+    [[nodiscard]] FoundStart find_start(std::size_t block, const Eigen::VectorXd& theta) const;
+    int seek_lost(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const;
+    /// Takes an orbit over as the last solution.
+    void keep(Known& known, std::size_t block, const PeriodicOrbit& orbit, const Eigen::VectorXd& theta) const;
     [[nodiscard]] bool in_domain(const Eigen::VectorXd& values) const;
     [[nodiscard]] PeriodicOrbit solve_near(std::size_t block, const Known& from, const Eigen::VectorXd& theta,
                                            bool derivatives) const;
-    [[nodiscard]] PeriodicOrbit solve(std::size_t block, const Eigen::VectorXd& theta, bool derivatives) const;
-    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Eigen::VectorXd& theta,
+    [[nodiscard]] PeriodicOrbit solve(std::size_t block, const Known& known, const Eigen::VectorXd& theta,
+                                      bool derivatives) const;
+    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const Eigen::VectorXd& theta,
                                               const Eigen::VectorXd& latents, bool derivatives) const;
 
     std::shared_ptr<const models::System> system_;
     std::vector<WaveformRecord> records_;
     WaveformOptions options_;
-    std::vector<estimator::Group> groups_;
-    std::vector<estimator::BlockLayout> layout_;
     std::vector<Block> blocks_;
-    std::vector<Known> known_;
-    int anchored_ = 0;
+    estimator::ActiveSet initial_;
 };
 
 }  // namespace orbid::periodic

@@ -80,14 +80,18 @@ WaveformResidual::WaveformResidual(std::shared_ptr<const models::System> system,
         check_record(record);
         check_readings(record);
         blocks_.push_back(make_block(record));
-        layout_.push_back(make_layout(record, blocks_.back()));
+        initial_.layout.push_back(make_layout(record, blocks_.back()));
     }
     make_groups();
     check_covariances();
-    known_.resize(records_.size());
-    tbb::parallel_for(std::size_t{0}, records_.size(), [&](std::size_t b) { find_start(b, options_.start); });
-    for (std::size_t b = 0; b < records_.size(); ++b)
-        layout_[b].active = known_[b].status == OrbitStatus::converged;
+    initial_.latents.resize(records_.size());
+    initial_.memory.resize(memory_parts * records_.size());
+    tbb::parallel_for(std::size_t{0}, records_.size(), [&](std::size_t b) {
+        const Known known = find_start(b, options_.start).known;
+        remember(initial_, b, known);
+        initial_.layout[b].active = known.status == OrbitStatus::converged;
+    });
+    initial_.memory.push_back(VectorXd::Zero(1));
 }
 
 void WaveformResidual::check_model() const {
@@ -232,7 +236,7 @@ void WaveformResidual::make_groups() {
             group.unit = "1";
         group.ordered = true;
         group.interval = median_interval(records_.front().times);
-        groups_.push_back(std::move(group));
+        initial_.groups.push_back(std::move(group));
     }
 }
 

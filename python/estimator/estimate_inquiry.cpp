@@ -22,8 +22,7 @@ namespace {
 
 /// Options of the same estimate, once more with its residuals.
 struct Inquiry {
-    explicit Inquiry(const EstimateResult& result)
-        : call(residuals(result), ResidualCall::Blocks::as_left), options(result.options) {}
+    explicit Inquiry(const EstimateResult& result) : call(residuals(result)), options(result.options) {}
 
     /// What `inquire` returns, which may stop early.
     template <class Inquire>

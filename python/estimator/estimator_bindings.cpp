@@ -63,7 +63,7 @@ std::shared_ptr<EstimateResult> estimate(py::handle parameters, py::handle resid
     result->parameters = estimated_parameters(parameters);
     result->residuals = residual_list(residuals);
     result->derived = derived_functions(derived);
-    ResidualCall call(result->residuals, ResidualCall::Blocks::all);
+    ResidualCall call(result->residuals);
     NamedArguments given("estimate", keywords);
     const auto quantities = derived_quantities(result->derived, call);
     estimator::EstimateOptions options = estimate_options(given);

@@ -39,16 +39,9 @@ std::string first_not_finite(const estimator::BlockValue& value) {
     return {};
 }
 
-/// Residuals that take part in a computation: update_active_set() and deactivate() change them, those of the library as
-/// well. Looked at and changed holding the interpreter's lock.
-std::set<const estimator::Residual*>& in_use() {
-    static std::set<const estimator::Residual*> residuals;
-    return residuals;
-}
-
 }  // namespace
 
-ResidualCall::ResidualCall(const std::vector<py::object>& residuals, Blocks blocks) : blocks_(blocks) {
+ResidualCall::ResidualCall(const std::vector<py::object>& residuals) {
     if (residuals.empty()) throw py::value_error("residuals: there is none");
     try {
         for (const py::object& residual : residuals)
@@ -64,10 +57,9 @@ ResidualCall::~ResidualCall() {
 }
 
 void ResidualCall::end() {
-    for (estimator::Residual* residual : residuals_) {
-        if (auto* python = dynamic_cast<PythonResidual*>(residual)) python->end();
-        in_use().erase(residual);
-    }
+    for (PythonResidual* residual : in_python_)
+        residual->end();
+    in_python_.clear();
     residuals_.clear();
 }
 
@@ -77,13 +69,9 @@ void ResidualCall::add(py::handle residual) {
     auto* one = residual.cast<estimator::Residual*>();
     if (std::find(residuals_.begin(), residuals_.end(), one) != residuals_.end())
         throw py::value_error("residuals: the same residual is given twice");
-    if (!in_use().insert(one).second)
-        throw py::value_error("residuals: one takes part in another computation that still runs");
-    try {
-        if (auto* python = dynamic_cast<PythonResidual*>(one)) python->begin(*this, blocks_);
-    } catch (...) {
-        in_use().erase(one);
-        throw;
+    if (auto* python = dynamic_cast<PythonResidual*>(one)) {
+        python->begin(*this);
+        in_python_.push_back(python);
     }
     kept_.push_back(py::reinterpret_borrow<py::object>(residual));
     residuals_.push_back(one);
@@ -113,23 +101,45 @@ py::function PythonResidual::method(const char* name) const {
     return py::get_override(static_cast<const estimator::Residual*>(this), name);
 }
 
-void PythonResidual::begin(ResidualCall& call, ResidualCall::Blocks blocks) {
+void PythonResidual::begin(ResidualCall& call) {
+    if (call_ != nullptr) throw py::value_error("residuals: one takes part in another computation that still runs");
     if (!method("evaluate")) throw py::type_error("a Residual needs a method evaluate(theta, latents, derivatives)");
     if (!method("groups") || !method("layout"))
         throw py::type_error("a Residual needs methods groups() and layout(), besides evaluate()");
     if (const py::function type = method("type")) type_ = py::str(type());
-    if (blocks == ResidualCall::Blocks::all) suspended_.clear();
-    read_groups();
-    read_layout();
+    initial_ = read_set();
+    read_covariances();
+    read_structure();
     evaluated_ = false;
     call_ = &call;
 }
 
-void PythonResidual::read_groups() {
-    std::vector<estimator::Group> groups;
+estimator::ActiveSet PythonResidual::read_set() const {
+    estimator::ActiveSet set;
     for (const py::handle description : method("groups")())
-        groups.push_back(group(description, groups.size()));
-    groups_ = std::move(groups);
+        set.groups.push_back(group(description, set.groups.size()));
+    for (const py::handle description : method("layout")())
+        set.layout.push_back(block_layout(description, set.groups, set.layout.size()));
+    if (set.layout.empty()) throw py::value_error("layout(): there is no block");
+    const py::function latents = method("initial_latents");
+    const py::list given = latents ? py::list(latents()) : py::list();
+    if (latents && given.size() != set.layout.size())
+        throw py::value_error("initial_latents(): " + std::to_string(given.size()) +
+                              " vectors, needs one for each of " + std::to_string(set.layout.size()) + " blocks");
+    Eigen::VectorXd& active = set.memory.emplace_back(std::ssize(set.layout));
+    for (std::size_t b = 0; b < set.layout.size(); ++b) {
+        const estimator::BlockLayout& block = set.layout[b];
+        const std::string where = "initial_latents()[" + std::to_string(b) + "]";
+        set.latents.push_back(latents ? Eigen::VectorXd(vector(finite_vector(given[b], where.c_str(), block.latents)))
+                                      : Eigen::VectorXd::Zero(block.latents));
+        active[static_cast<Eigen::Index>(b)] = block.active ? 1.0 : 0.0;
+    }
+    const py::function stage = method("is_intermediate_stage");
+    set.is_intermediate_stage = stage && stage().cast<bool>();
+    return set;
+}
+
+void PythonResidual::read_covariances() {
     covariances_.clear();
     const py::function covariances = method("covariances");
     if (!covariances) return;
@@ -137,10 +147,10 @@ void PythonResidual::read_groups() {
         NamedArguments given("covariance", description);
         estimator::JointCovariance covariance;
         for (const std::string& name : given.texts("groups")) {
-            const auto found = std::find_if(groups_.begin(), groups_.end(),
+            const auto found = std::find_if(groups().begin(), groups().end(),
                                             [&](const estimator::Group& one) { return one.name == name; });
-            if (found == groups_.end()) throw py::value_error("covariance: there is no group '" + name + "'");
-            covariance.groups.push_back(static_cast<int>(found - groups_.begin()));
+            if (found == groups().end()) throw py::value_error("covariance: there is no group '" + name + "'");
+            covariance.groups.push_back(static_cast<int>(found - groups().begin()));
         }
         given.take({{"dof", covariance.dof}, {"psi", covariance.psi}});
         given.finish();
@@ -148,57 +158,39 @@ void PythonResidual::read_groups() {
     }
 }
 
-void PythonResidual::read_layout() {
-    std::vector<estimator::BlockLayout> layout;
-    for (const py::handle description : method("layout")())
-        layout.push_back(block_layout(description, groups_, layout.size()));
-    if (layout.empty()) throw py::value_error("layout(): there is no block");
-    if (layout.size() != layout_.size()) suspended_.clear();
-    for (const std::size_t block : suspended_)
-        layout[block].active = false;
-    layout_ = std::move(layout);
+void PythonResidual::read_structure() {
     const auto has_latents = [](const estimator::BlockLayout& block) { return block.latents > 0; };
-    structure_ = std::any_of(layout_.begin(), layout_.end(), has_latents)
+    structure_ = std::any_of(layout().begin(), layout().end(), has_latents)
                      ? estimator::LatentStructure::independent_blocks
                      : estimator::LatentStructure::none;
-    if (const py::function structure = method("structure")) {
-        py::dict answer;
-        answer["structure"] = structure();
-        constexpr estimator::LatentStructure kinds[] = {
-            estimator::LatentStructure::none, estimator::LatentStructure::independent_blocks,
-            estimator::LatentStructure::chain, estimator::LatentStructure::cyclic_chain};
-        structure_ = kinds[NamedArguments("structure()", answer)
-                               .choice("structure", {"none", "independent_blocks", "chain", "cyclic_chain"})];
-    }
-    start_.clear();
-    const py::function latents = method("initial_latents");
-    const py::list given = latents ? py::list(latents()) : py::list();
-    if (latents && given.size() != layout_.size())
-        throw py::value_error("initial_latents(): " + std::to_string(given.size()) +
-                              " vectors, needs one for each of " + std::to_string(layout_.size()) + " blocks");
-    for (std::size_t b = 0; b < layout_.size(); ++b) {
-        const std::string where = "initial_latents()[" + std::to_string(b) + "]";
-        start_.push_back(latents ? Eigen::VectorXd(vector(finite_vector(given[b], where.c_str(), layout_[b].latents)))
-                                 : Eigen::VectorXd::Zero(layout_[b].latents));
-    }
+    const py::function structure = method("structure");
+    if (!structure) return;
+    py::dict answer;
+    answer["structure"] = structure();
+    constexpr estimator::LatentStructure kinds[] = {
+        estimator::LatentStructure::none, estimator::LatentStructure::independent_blocks,
+        estimator::LatentStructure::chain, estimator::LatentStructure::cyclic_chain};
+    structure_ = kinds[NamedArguments("structure()", answer)
+                           .choice("structure", {"none", "independent_blocks", "chain", "cyclic_chain"})];
 }
 
-std::vector<estimator::BlockValue> PythonResidual::evaluate(const Eigen::VectorXd& theta,
+std::vector<estimator::BlockValue> PythonResidual::evaluate(const estimator::ActiveSet& active,
+                                                            const Eigen::VectorXd& theta,
                                                             const std::vector<Eigen::VectorXd>& latents,
                                                             bool derivatives) const {
-    std::vector<estimator::BlockValue> values(layout_.size());
+    std::vector<estimator::BlockValue> values(active.layout.size());
     const bool answered = call_ != nullptr && call_->attempt([&] {
-        read_values(method("evaluate")(array(Eigen::VectorXd(theta)), latent_list(latents), derivatives), theta.size(),
-                    derivatives, values);
+        read_values(active, method("evaluate")(array(Eigen::VectorXd(theta)), latent_list(latents), derivatives),
+                    theta.size(), derivatives, values);
         evaluated_ = true;
     });
-    for (std::size_t b = 0; b < layout_.size() && !answered; ++b)
-        if (layout_[b].active) values[b].status = estimator::BlockStatus::failed;
+    for (std::size_t b = 0; b < active.layout.size() && !answered; ++b)
+        if (active.layout[b].active) values[b].status = estimator::BlockStatus::failed;
     return values;
 }
 
-void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, bool derivatives,
-                                 std::vector<estimator::BlockValue>& values) const {
+void PythonResidual::read_values(const estimator::ActiveSet& active, py::handle answer, Eigen::Index parameters,
+                                 bool derivatives, std::vector<estimator::BlockValue>& values) const {
     py::object blocks = py::reinterpret_borrow<py::object>(answer);
     if (py::isinstance<py::dict>(blocks)) {
         py::list only;
@@ -213,7 +205,7 @@ void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, boo
         throw py::value_error("evaluate() returned " + std::to_string(py::len(blocks)) + " blocks, layout() has " +
                               std::to_string(values.size()));
     for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!layout_[b].active) continue;
+        if (!active.layout[b].active) continue;
         const py::object block = blocks[py::int_(b)];
         const std::string where = "evaluate(), block " + std::to_string(b);
         if (block.is_none()) {
@@ -221,8 +213,8 @@ void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, boo
             continue;
         }
         const Eigen::Index next =
-            layout_[b].next >= 0 ? layout_.at(static_cast<std::size_t>(layout_[b].next)).latents : 0;
-        values[b] = block_value(block, layout_[b], next, parameters, derivatives, where);
+            active.layout[b].next >= 0 ? active.layout.at(static_cast<std::size_t>(active.layout[b].next)).latents : 0;
+        values[b] = block_value(block, active.layout[b], next, parameters, derivatives, where);
         const std::string what = first_not_finite(values[b]);
         if (what.empty()) continue;
         if (!evaluated_)
@@ -233,9 +225,9 @@ void PythonResidual::read_values(py::handle answer, Eigen::Index parameters, boo
     }
 }
 
-estimator::RefreshReport PythonResidual::update_active_set(const Eigen::VectorXd& theta,
+estimator::RefreshReport PythonResidual::update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                            const std::vector<Eigen::VectorXd>& latents,
-                                                           const Eigen::VectorXd& scales) {
+                                                           const Eigen::VectorXd& scales) const {
     estimator::RefreshReport report;
     const auto ask = [&] {
         const py::function update = method("update_active_set");
@@ -249,30 +241,15 @@ estimator::RefreshReport PythonResidual::update_active_set(const Eigen::VectorXd
                     {"rejected", report.rejected},
                     {"added", report.added}});
         given.finish();
-        read_groups();
-        read_layout();
+        estimator::ActiveSet next = read_set();
+        // What the estimator took out stays out.
+        const Eigen::VectorXd& told = active.memory.front();
+        for (std::size_t b = 0; b < active.layout.size() && active.layout.size() == next.layout.size(); ++b)
+            if (!active.layout[b].active && told[static_cast<Eigen::Index>(b)] != 0.0) next.layout[b].active = false;
+        active = std::move(next);
     };
     if (call_ != nullptr) call_->attempt(ask);
     return report;
-}
-
-void PythonResidual::deactivate(std::size_t block) {
-    suspended_.insert(block);
-    layout_.at(block).active = false;
-    if (call_ == nullptr) return;
-    call_->attempt([&] {
-        if (const py::function hook = method("deactivate")) hook(block);
-    });
-}
-
-bool PythonResidual::is_intermediate_stage() const {
-    bool answer = false;
-    const auto ask = [&] {
-        const py::function stage = method("is_intermediate_stage");
-        answer = stage && stage().cast<bool>();
-    };
-    if (call_ != nullptr) call_->attempt(ask);
-    return answer;
 }
 
 }  // namespace orbid::python

@@ -4,7 +4,6 @@
 #include <exception>
 #include <functional>
 #include <mutex>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -20,20 +19,17 @@ class PythonResidual;
 /// first exception is kept: it stops the computation and is raised at the caller.
 class ResidualCall {
 public:
-    /// Suspended blocks: restored when an estimate begins, or left suspended for later inquiries about it.
-    enum class Blocks { all, as_left };
-
     /// Call while holding the interpreter's lock. Reads groups and blocks of residuals written in Python.
-    /// @throws TypeError for anything but residuals; ValueError for one given twice, or used by another running
-    ///         computation; what methods of a residual raise.
-    ResidualCall(const std::vector<pybind11::object>& residuals, Blocks blocks);
+    /// @throws TypeError for anything but residuals; ValueError for one given twice, or written in Python and used by
+    ///         another running computation; what methods of a residual raise.
+    explicit ResidualCall(const std::vector<pybind11::object>& residuals);
     /// Without residuals yet; they are added later, see add().
     ResidualCall() = default;
     ~ResidualCall();  ///< holding the lock
     ResidualCall(const ResidualCall&) = delete;
     ResidualCall& operator=(const ResidualCall&) = delete;
 
-    [[nodiscard]] const std::vector<estimator::Residual*>& residuals() const { return residuals_; }
+    [[nodiscard]] const std::vector<const estimator::Residual*>& residuals() const { return residuals_; }
     /// Adds a residual made meanwhile; call while holding the lock.
     void add(pybind11::handle residual);
 
@@ -61,9 +57,9 @@ public:
 private:
     void end();
 
-    Blocks blocks_ = Blocks::all;
     std::vector<pybind11::object> kept_;  ///< alive until the end
-    std::vector<estimator::Residual*> residuals_;
+    std::vector<const estimator::Residual*> residuals_;
+    std::vector<PythonResidual*> in_python_;  ///< of them
     std::atomic<bool> failed_ = false;
     std::mutex mutex_;
     std::exception_ptr exception_;
@@ -72,46 +68,46 @@ private:
 /// A residual whose methods are written in Python, as class Residual describes them there.
 class PythonResidual final : public estimator::Residual {
 public:
-    /// From here to end() exceptions of methods go to `call`. @throws what is wrong with groups and blocks.
-    void begin(ResidualCall& call, ResidualCall::Blocks blocks);
+    /// Reads the object as it is now; from here to end() exceptions of methods go to `call`.
+    /// @throws ValueError when it is used already; what is wrong with groups and blocks.
+    void begin(ResidualCall& call);
     void end() { call_ = nullptr; }
 
     [[nodiscard]] std::string_view type() const override { return type_; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return groups_; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
+    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
+    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return structure_; }
     [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override { return covariances_; }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return start_; }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
+    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override;
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd& theta,
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
                                                const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) override;
-    void deactivate(std::size_t block) override;
-    [[nodiscard]] bool is_intermediate_stage() const override;
+                                               const Eigen::VectorXd& scales) const override;
 
 private:
     [[nodiscard]] pybind11::function method(const char* name) const;
-    void read_groups();
-    void read_layout();
-    void read_values(pybind11::handle answer, Eigen::Index parameters, bool derivatives,
-                     std::vector<estimator::BlockValue>& values) const;
+    /// Groups, blocks, latent states and stage as the object has them now. Memory: which blocks it says are active.
+    [[nodiscard]] estimator::ActiveSet read_set() const;
+    void read_covariances();
+    void read_structure();
+    void read_values(const estimator::ActiveSet& active, pybind11::handle answer, Eigen::Index parameters,
+                     bool derivatives, std::vector<estimator::BlockValue>& values) const;
 
     ResidualCall* call_ = nullptr;
     std::string type_ = "python";
-    std::vector<estimator::Group> groups_;
-    std::vector<estimator::BlockLayout> layout_;
+    estimator::ActiveSet initial_;
     std::vector<estimator::JointCovariance> covariances_;
-    std::vector<Eigen::VectorXd> start_;
     estimator::LatentStructure structure_ = estimator::LatentStructure::none;
-    std::set<std::size_t> suspended_;
     mutable std::atomic<bool> evaluated_ = false;  ///< since begin(): later evaluations may fail, the first may not
 };
 
 /// Values of all blocks of a residual of the library, for method evaluate(); latents None: those of its start.
-[[nodiscard]] pybind11::list evaluated(estimator::Residual& residual, pybind11::handle theta, pybind11::handle latents,
-                                       bool derivatives);
+[[nodiscard]] pybind11::list evaluated(const estimator::Residual& residual, pybind11::handle theta,
+                                       pybind11::handle latents, bool derivatives);
 
 /// Values of one block from what evaluate() returned for it: a mapping with "e" and, if derivatives are requested,
 /// "e_theta" and the block's other entries.

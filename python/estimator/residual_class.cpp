@@ -29,7 +29,7 @@ evaluate(theta, latents, derivatives)
             evaluated there, and the step is shortened.
 
 and where they are needed type(), structure() ("none", "independent_blocks", "chain", "cyclic_chain"), covariances(),
-initial_latents(), update_active_set(theta, latents, scales), deactivate(block), is_intermediate_stage(). Methods are called holding the
+initial_latents(), update_active_set(theta, latents, scales), is_intermediate_stage(). Methods are called holding the
 interpreter's lock, from threads that are not the caller's. profiles(), marginals() and sample() call evaluate() from
 several threads: one call may begin where another gives up the lock, in NumPy or between two lines, so evaluate() leaves
 nothing in self that another call of it reads. An exception stops the estimate and is raised there.)";
@@ -53,11 +53,12 @@ py::dict value_dict(const estimator::BlockValue& value, bool derivatives) {
 
 }  // namespace
 
-py::list evaluated(estimator::Residual& residual, py::handle theta, py::handle latents, bool derivatives) {
+py::list evaluated(const estimator::Residual& residual, py::handle theta, py::handle latents, bool derivatives) {
     if (dynamic_cast<const PythonResidual*>(&residual) != nullptr)
         throw py::type_error("evaluate() is to be written by the subclass");
     const Eigen::VectorXd parameters = vector(finite_vector(theta, "theta"));
-    std::vector<Eigen::VectorXd> states = residual.initial_latents();
+    const estimator::ActiveSet active = residual.initial_set();
+    std::vector<Eigen::VectorXd> states = active.latents;
     if (!latents.is_none()) {
         const auto given = py::reinterpret_borrow<py::sequence>(latents);
         if (given.size() != states.size())
@@ -68,7 +69,7 @@ py::list evaluated(estimator::Residual& residual, py::handle theta, py::handle l
             states[b] = vector(finite_vector(one, "latents", states[b].size()));
         }
     }
-    return listed(unlocked([&] { return residual.evaluate(parameters, states, derivatives); }),
+    return listed(unlocked([&] { return residual.evaluate(active, parameters, states, derivatives); }),
                   [&](const estimator::BlockValue& value) { return value_dict(value, derivatives); });
 }
 

@@ -34,11 +34,11 @@ public:
     [[nodiscard]] const std::vector<est::BlockLayout>& layout() const override { return layout_; }
     [[nodiscard]] est::LatentStructure structure() const override { return est::LatentStructure::none; }
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return {Eigen::VectorXd()}; }
-    [[nodiscard]] std::vector<est::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<est::BlockValue> evaluate(const est::ActiveSet& active, const Eigen::VectorXd& theta,
                                                         const std::vector<Eigen::VectorXd>& /*latents*/,
                                                         bool derivatives) const override {
         std::vector<est::BlockValue> values(1);
-        if (!layout_[0].active) return values;
+        if (!active.layout[0].active) return values;
         // One exponential at a time, by the C library as Python's math.exp: vectorised ones differ in the last digit.
         Eigen::ArrayXd shape(t_.size());
         for (Eigen::Index i = 0; i < t_.size(); ++i)
@@ -50,11 +50,6 @@ public:
         values[0].e_z.resize(y_.size(), 0);
         return values;
     }
-    est::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                         const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
 private:
     Eigen::VectorXd t_;

@@ -54,7 +54,7 @@ TEST_CASE("error laws: channels count through residuals, parameters through laws
                          group_of("c", StudentErrors{}, 3.0), group_of("d", NormalErrors{}, -1.0)},
                         {covariance_of({3, 1}, 4.0, Eigen::Matrix2d::Identity())});
     GroupResidual second({group_of("e", AutoregressiveErrors{})});
-    const std::vector<NoiseModel> laws = error_laws({&first, &second});
+    const std::vector<NoiseModel> laws = error_laws({&first, &second}, {first.initial_set(), second.initial_set()});
     REQUIRE(laws.size() == 4);
     CHECK(laws[0].channels == std::vector<int>{0});
     CHECK(laws[1].channels == std::vector<int>{3, 1});
@@ -79,7 +79,7 @@ TEST_CASE("error laws: channels count through residuals, parameters through laws
     CHECK(laws[2].coordinates[1].start == 4.0);
     CHECK(laws[3].coordinates[1].name == "correlation");
     CHECK(laws[3].coordinates[1].kind == Kind::fisher);
-    CHECK(error_laws({}).empty());
+    CHECK(error_laws({}, {}).empty());
 }
 
 TEST_CASE("error laws: limits of the coordinates", "[estimator]") {

@@ -1,7 +1,10 @@
 #include <cmath>
 #include <random>
 
+#include <tbb/parallel_for.h>
+
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/exploration/profile.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
@@ -41,13 +44,18 @@ FunctionResidual three_blocks(double limit) {
 TEST_CASE("a block that cannot be evaluated shortens the step; one that stops every step is suspended", "[estimator]") {
     // Start below the optimum 0.5: the block fails beyond 0.45, so it stops every step towards the others' optimum.
     FunctionResidual residual = three_blocks(0.45);
+    int updates = 0;
+    residual.on_update = [&updates](estimator::ActiveSet&) {
+        ++updates;
+        return estimator::RefreshReport{};
+    };
     const auto result = estimator::estimate({free_parameter("theta", 0.0)}, {&residual});
     CAPTURE(result.message);
     CHECK(result.status == estimator::EstimateStatus::converged);
     CHECK(result.counts[0].used == 2);
     CHECK(result.counts[0].lost == 1);
     CHECK(result.rounds == 2);
-    CHECK(residual.refreshes >= 1);
+    CHECK(updates >= 1);
     bool failed = false;
     for (const auto& step : result.history) {
         failed = failed || step.reason == estimator::StepRejection::block_failed;
@@ -69,13 +77,31 @@ TEST_CASE("a start that cannot be evaluated fails and names the block", "[estima
     CHECK_THAT(result.message, ContainsSubstring("only"));
 }
 
+TEST_CASE("estimates share a residual, which never changes", "[estimator]") {
+    const FunctionResidual residual = three_blocks(0.45);
+    const std::vector<estimator::FreeParameter> parameters{free_parameter("theta", 0.0)};
+    std::vector<estimator::Estimate> results(4);
+    tbb::parallel_for(std::size_t{0}, results.size(),
+                      [&](std::size_t i) { results[i] = estimator::estimate(parameters, {&residual}); });
+    for (const estimator::Estimate& result : results) {
+        CHECK(result.counts[0].lost == 1);
+        CHECK_FALSE(result.active[0].layout[0].active);
+        CHECK(result.parameters[0].value == results[0].parameters[0].value);
+    }
+    CHECK(residual.layout()[0].active);
+    // What is asked later is asked of the blocks that were left.
+    const auto profile = estimator::profiles(parameters, {&residual}, {}, results[0]).front();
+    CHECK(profile.known);
+    CHECK_THAT(profile.value, WithinRel(results[0].parameters[0].value, 1e-12));
+}
+
 TEST_CASE("refresh between rounds, interrupted, iteration limit, no degrees of freedom", "[estimator]") {
     FunctionResidual residual = three_blocks(1e9);
     residual.deactivate(0);
-    residual.on_refresh = [](FunctionResidual& self) {
+    residual.on_update = [](estimator::ActiveSet& active) {
         estimator::RefreshReport report;
-        if (self.refreshes == 1) {
-            self.activate(0);
+        if (!active.layout[0].active) {
+            active.layout[0].active = true;
             report.changed = true;
             report.added = 1;
         }
@@ -86,6 +112,8 @@ TEST_CASE("refresh between rounds, interrupted, iteration limit, no degrees of f
     CHECK(result.counts[0].used == 3);
     CHECK(result.counts[0].added == 1);
     CHECK(result.rounds == 2);
+    CHECK(result.active[0].layout[0].active);
+    CHECK_FALSE(residual.layout()[0].active);
 
     FunctionResidual again = three_blocks(1e9);
     estimator::EstimateOptions options;

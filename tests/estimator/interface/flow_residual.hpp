@@ -76,17 +76,13 @@ public:
     [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return {Eigen::VectorXd(0)}; }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>&,
                                                               bool derivatives) const override {
         std::vector<estimator::BlockValue> values(1);
-        if (!layout_[0].active) return values;
+        if (!active.layout[0].active) return values;
         estimator::BlockValue& value = values[0];
         value.status = estimator::BlockStatus::failed;
         const Eigen::VectorXd all = binding_.values(theta);

@@ -13,7 +13,7 @@ namespace {
 /// entry of its column.
 double derivative_error(const estimator::Residual& residual, const Eigen::VectorXd& theta,
                         const std::vector<Eigen::VectorXd>& latents, double step) {
-    const auto exact = residual.evaluate(theta, latents, true);
+    const auto exact = residual.evaluate(residual.initial_set(), theta, latents, true);
     double worst = 0.0;
     const auto compare = [&](const Eigen::VectorXd& given, const Eigen::VectorXd& up, const Eigen::VectorXd& down,
                              double h) {
@@ -28,8 +28,8 @@ double derivative_error(const estimator::Residual& residual, const Eigen::Vector
         Eigen::VectorXd down = theta;
         up[i] += h;
         down[i] -= h;
-        const auto above = residual.evaluate(up, latents, false);
-        const auto below = residual.evaluate(down, latents, false);
+        const auto above = residual.evaluate(residual.initial_set(), up, latents, false);
+        const auto below = residual.evaluate(residual.initial_set(), down, latents, false);
         for (std::size_t b = 0; b < exact.size(); ++b) {
             REQUIRE(exact[b].status == estimator::BlockStatus::ok);
             compare(exact[b].e_theta.col(i), above[b].e, below[b].e, h);
@@ -43,8 +43,8 @@ double derivative_error(const estimator::Residual& residual, const Eigen::Vector
             auto down = latents;
             up[k][i] += h;
             down[k][i] -= h;
-            const auto above = residual.evaluate(theta, up, false);
-            const auto below = residual.evaluate(theta, down, false);
+            const auto above = residual.evaluate(residual.initial_set(), theta, up, false);
+            const auto below = residual.evaluate(residual.initial_set(), theta, down, false);
             compare(exact[k].e_z.col(i), above[k].e, below[k].e, h);
             if (exact[k].c.size() > 0) compare(exact[k].c_z.col(i), above[k].c, below[k].c, h);
             if (k > 0 && exact[k - 1].c.size() > 0)
@@ -81,7 +81,8 @@ TEST_CASE("residuals on flows bring exact derivatives", "[estimator][reference]"
 TEST_CASE("the published estimate of Bock's problem has its published sum of squares", "[estimator][reference]") {
     const FlowResidual single = bock_single_shooting(false);
     const auto value =
-        single.evaluate(Eigen::Vector4d(0.6939711, 0.3409215, 1.0063485, 1.0150840), single.initial_latents(), false);
+        single.evaluate(single.initial_set(), Eigen::Vector4d(0.6939711, 0.3409215, 1.0063485, 1.0150840),
+                        single.initial_latents(), false);
     REQUIRE(value[0].status == estimator::BlockStatus::ok);
     const Eigen::VectorXd standard = value[0].e.cwiseQuotient(single.layout()[0].deviation);
     // The minimum is printed to 12 digits, the estimate to 7: the sum is stationary there, so that 5e-8 in p moves it
@@ -93,7 +94,8 @@ TEST_CASE("parameters outside their domain cannot be simulated, and are no wrong
     const auto residual = hare_lynx_residual();
     Eigen::VectorXd dynamic(6);
     dynamic << -0.55, 0.028, 0.8, 0.024, 34.0, 5.9;
-    CHECK(residual.evaluate(dynamic, residual.initial_latents(), false)[0].status == estimator::BlockStatus::failed);
+    CHECK(residual.evaluate(residual.initial_set(), dynamic, residual.initial_latents(), false)[0].status ==
+          estimator::BlockStatus::failed);
 }
 
 }  // namespace orbid::tests::flow_residual_test

@@ -28,24 +28,23 @@ public:
     [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return structure_; }
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return latents_; }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override {
         std::vector<estimator::BlockValue> values(layout_.size());
         for (std::size_t b = 0; b < layout_.size(); ++b)
-            if (layout_[b].active) values[b] = functions_[b](theta, latents[b], derivatives);
+            if (active.layout[b].active) values[b] = functions_[b](theta, latents[b], derivatives);
         return values;
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        ++refreshes;
-        return on_refresh ? on_refresh(*this) : estimator::RefreshReport{};
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd&,
+                                               const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd&) const override {
+        return on_update ? on_update(active) : estimator::RefreshReport{};
     }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
-    void activate(std::size_t block) { layout_[block].active = true; }
+    void deactivate(std::size_t block) { layout_[block].active = false; }
 
-    int refreshes = 0;
-    std::function<estimator::RefreshReport(FunctionResidual&)> on_refresh;
+    std::function<estimator::RefreshReport(estimator::ActiveSet&)> on_update;
 
 private:
     std::vector<estimator::Group> groups_;
@@ -73,23 +72,21 @@ public:
     [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return layout_; }
     [[nodiscard]] estimator::LatentStructure structure() const override { return structure_asked; }
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return latents_; }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool) const override {
         std::vector<estimator::BlockValue> values(layout_.size());
         for (std::size_t b = 0; b < layout_.size(); ++b) {
-            if (!layout_[b].active) continue;
+            if (!active.layout[b].active) continue;
             const std::ptrdiff_t next = layout_[b].next;
             values[b] = functions_[b](theta, latents[b],
                                       next < 0 ? Eigen::VectorXd() : latents[static_cast<std::size_t>(next)]);
         }
         return values;
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
+
+    void deactivate(std::size_t block) { layout_[block].active = false; }
 
     estimator::LatentStructure structure_asked = estimator::LatentStructure::chain;
 

@@ -26,15 +26,10 @@ public:
     estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
     std::vector<estimator::JointCovariance> covariances() const override { return covariances_; }
     std::vector<Eigen::VectorXd> initial_latents() const override { return {}; }
-    std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                                bool) const override {
+    std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet&, const Eigen::VectorXd&,
+                                                const std::vector<Eigen::VectorXd>&, bool) const override {
         return {};
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t) override {}
 
 private:
     std::vector<estimator::Group> groups_;
@@ -53,7 +48,7 @@ inline estimator::Group group_of(std::string name, estimator::ErrorDistribution 
 inline std::vector<estimator::NoiseModel> laws_of(std::vector<estimator::Group> groups,
                                                   std::vector<estimator::JointCovariance> covariances = {}) {
     GroupResidual residual(std::move(groups), std::move(covariances));
-    return estimator::error_laws({&residual});
+    return estimator::error_laws({&residual}, {residual.initial_set()});
 }
 
 inline estimator::NoiseModel law_of(estimator::ErrorDistribution distribution) {

@@ -68,26 +68,31 @@ public:
             states.emplace_back(readings_.col(b));
         return states;
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd& scales) override {
+    [[nodiscard]] estimator::ActiveSet initial_set() const override {
+        return {groups_, layout_, initial_latents(), matching_.stages.size() > 1, {Eigen::VectorXd::Zero(1)}};
+    }
+    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd&,
+                                               const std::vector<Eigen::VectorXd>&,
+                                               const Eigen::VectorXd& scales) const override {
         scales_seen.push_back(scales);
-        if (!is_intermediate_stage()) return {};
-        groups_[1].scale.value = matching_.stages[++stage_];
+        if (!active.is_intermediate_stage) return {};
+        const auto stage = static_cast<std::size_t>(++active.memory[0][0]);
+        active.groups[1].scale.value = matching_.stages[stage];
+        active.is_intermediate_stage = stage + 1 < matching_.stages.size();
         return {};
     }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
-    [[nodiscard]] bool is_intermediate_stage() const override { return stage_ + 1 < matching_.stages.size(); }
 
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override {
         std::vector<estimator::BlockValue> values(layout_.size());
         for (std::size_t b = 0; b < layout_.size(); ++b)
-            if (layout_[b].active) values[b] = value(b, theta, latents, derivatives);
+            if (active.layout[b].active) values[b] = value(b, theta, latents, derivatives);
         return values;
     }
 
-    std::vector<Eigen::VectorXd> scales_seen;  ///< by update_active_set()
+    mutable std::vector<Eigen::VectorXd> scales_seen;  ///< by update_active_set()
 
 private:
     [[nodiscard]] estimator::BlockValue value(std::size_t b, const Eigen::VectorXd& theta,
@@ -130,7 +135,6 @@ private:
     MapMatching matching_;
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
-    std::size_t stage_ = 0;
 };
 
 /// Henon's map, theta = (a, b): x' = 1 - a x^2 + y, y' = b x.

@@ -42,20 +42,16 @@ public:
             nodes.emplace_back(data_.values.row(b).transpose());
         return nodes;
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& latents,
                                                               bool derivatives) const override {
         std::vector<estimator::BlockValue> values(layout_.size());
         const Eigen::VectorXd all = binding_.values(theta);
         const bool possible = in_domain(*system_, all);
         for (std::size_t b = 0; b < layout_.size(); ++b)
-            if (layout_[b].active) values[b] = node(b, theta, all, possible, latents, derivatives);
+            if (active.layout[b].active) values[b] = node(b, theta, all, possible, latents, derivatives);
         return values;
     }
 

@@ -406,12 +406,13 @@ public:
     [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override {
         return {Eigen::VectorXd::Constant(1, 2.0), Eigen::VectorXd::Constant(1, 3.0)};
     }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
+                                                              const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& z,
                                                               bool) const override {
         std::vector<estimator::BlockValue> values(2);
         for (std::size_t b = 0; b < 2; ++b) {
-            if (!layout_[b].active) continue;
+            if (!active.layout[b].active) continue;
             values[b].e = Eigen::VectorXd::Constant(1, (b == 0 ? 2.0 : 3.0) - z[b][0]);
             values[b].e_theta = Eigen::MatrixXd::Zero(1, 1);
             values[b].e_z = -Eigen::MatrixXd::Ones(1, 1);
@@ -423,11 +424,6 @@ public:
         if (chain_.spoil) chain_.spoil(values);
         return values;
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
 
 private:
     Chain chain_;

@@ -71,7 +71,8 @@ TEST_CASE("Bock's problem by multiple shooting from three starts", "[estimator][
             CHECK(result.trust_normal);
             // The matching conditions hold to the accuracy of a flow over one unit of time.
             const auto at_end = residual.evaluate(
-                Eigen::Vector2d(result.parameters[0].value, result.parameters[1].value), result.latents[0], false);
+                residual.initial_set(), Eigen::Vector2d(result.parameters[0].value, result.parameters[1].value),
+                result.latents[0], false);
             for (const auto& value : at_end)
                 if (value.c.size() > 0) CHECK(value.c.cwiseAbs().maxCoeff() < 1e-9);
         }

@@ -84,7 +84,11 @@ TEST_CASE("a provisional round ends after few steps", "[estimator][provisional]"
 TEST_CASE("a residual that stays provisional is given up", "[estimator][provisional]") {
     class Endless : public FunctionResidual {
     public:
-        [[nodiscard]] bool is_intermediate_stage() const override { return true; }
+        [[nodiscard]] estimator::ActiveSet initial_set() const override {
+            estimator::ActiveSet active = FunctionResidual::initial_set();
+            active.is_intermediate_stage = true;
+            return active;
+        }
     };
     Endless residual;
     residual.add_group(group("reading", 0.5));

@@ -38,12 +38,7 @@ public:
             latents.emplace_back(Eigen::Vector2d(y, 0.0));
         return latents;
     }
-    estimator::RefreshReport update_active_set(const Eigen::VectorXd&, const std::vector<Eigen::VectorXd>&,
-                                               const Eigen::VectorXd&) override {
-        return {};
-    }
-    void deactivate(std::size_t block) override { layout_[block].active = false; }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const Eigen::VectorXd& theta,
+    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet&, const Eigen::VectorXd& theta,
                                                               const std::vector<Eigen::VectorXd>& z,
                                                               bool) const override {
         std::vector<estimator::BlockValue> values(layout_.size());
@@ -112,7 +107,7 @@ TEST_CASE("maximised jointly with the scales the states of a walk would collapse
     const Eigen::VectorXd y = made_walk();
     FunctionResidual residual = dense_walk(y);
     // Phi of (M8) at z = y, the matching scale at its best there: every tenth of the reading scale gains 200 ln 10.
-    const auto value = residual.evaluate(Eigen::VectorXd::Constant(1, y[0]), {y}, false);
+    const auto value = residual.evaluate(residual.initial_set(), Eigen::VectorXd::Constant(1, y[0]), {y}, false);
     CHECK_THAT(value[0].e.head(points).norm(), WithinAbs(0.0, 0.0));
     const double matching = value[0].e.tail(points).norm() / std::sqrt(points);
     const auto phi = [&](double reading) { return points * (std::log(reading) + std::log(matching)) + 0.5 * points; };

@@ -63,7 +63,8 @@ TEST_CASE("a posterior does not depend on the scale of its parameters", "[estima
     constexpr double step = 0.004;
     for (double a = step; a < 6.0; a += step)
         for (double b = step; b < 4.0; b += step) {
-            const auto value = residual.evaluate(Eigen::Vector2d(a, b), {Eigen::VectorXd()}, false).front();
+            const auto value =
+                residual.evaluate(residual.initial_set(), Eigen::Vector2d(a, b), {Eigen::VectorXd()}, false).front();
             const double density = std::exp(-0.5 * value.e.squaredNorm() / (0.15 * 0.15) -
                                             estimator::negative_log_density(estimator::LogNormalPrior{1.2, 0.5}, a) -
                                             estimator::negative_log_density(estimator::GammaPrior{2.0, 3.0}, b));

@@ -330,9 +330,10 @@ TEST_CASE("latent states, a covariance shape and a joint prior of a linear probl
 
 TEST_CASE("the posterior density has the right gradient, for every law", "[estimator]") {
     const auto all = everything();
-    const auto problem = estimator::set_up(all->parameters, {&all->residual}, {}, all->options);
-    const auto set = estimator::freeze({&all->residual}, problem.channels, problem.laws);
-    const auto state = estimator::initial_state(problem);
+    const std::vector<estimator::ActiveSet> active{all->residual.initial_set()};
+    const auto problem = estimator::set_up(all->parameters, {&all->residual}, active, {}, all->options);
+    const auto set = estimator::freeze({&all->residual}, active, problem.channels, problem.laws);
+    const auto state = estimator::initial_state(problem, active);
     const estimator::PosteriorDensity density(problem, set, {state.u, state.latents, state.psi});
     // 3 parameters, 6 latent states, 8 scales, dof, relative, correlation.
     REQUIRE(density.dimension() == 20);
@@ -373,9 +374,10 @@ TEST_CASE("the posterior density has the value of its formula", "[estimator]") {
     a.lower = 0.0;
     a.upper = 2.0;
     a.prior = estimator::NormalPrior{0.8, 0.4};
-    const auto problem = estimator::set_up({a}, {&residual}, {}, {});
-    const auto set = estimator::freeze({&residual}, problem.channels, problem.laws);
-    const auto state = estimator::initial_state(problem);
+    const std::vector<estimator::ActiveSet> active{residual.initial_set()};
+    const auto problem = estimator::set_up({a}, {&residual}, active, {}, {});
+    const auto set = estimator::freeze({&residual}, active, problem.channels, problem.laws);
+    const auto state = estimator::initial_state(problem, active);
     const estimator::PosteriorDensity density(problem, set, {state.u, state.latents, state.psi});
     const Eigen::Vector2d x(0.3, std::log(0.6));
     const double value = 2.0 / (1.0 + std::exp(-0.3));
@@ -490,7 +492,9 @@ TEST_CASE("improper posteriors and wrong calls are refused by name", "[estimator
         const Estimate estimate = estimator::estimate(parameters, {good.get()});
         REQUIRE(estimate.status == EstimateStatus::converged);
         const auto held = with_latent(1, data.x.col(1).cwiseAbs2());
-        CHECK_THROWS_WITH(estimator::sample_posterior(parameters, {held.get()}, {}, {}, estimate),
+        Estimate of_held = estimate;
+        of_held.active = {held->initial_set()};
+        CHECK_THROWS_WITH(estimator::sample_posterior(parameters, {held.get()}, {}, {}, of_held),
                           ContainsSubstring("\"held\" has equality constraints") && ContainsSubstring("small sd"));
         const auto blind = with_latent(0, Eigen::MatrixXd::Zero(14, 1));
         CHECK_THROWS_WITH(estimator::sample_posterior(parameters, {blind.get()}, {}, {}, estimate),

@@ -15,7 +15,7 @@ TEST_CASE("95 % intervals of Bock's problem cover, and are as wide as the estima
     const auto system = bock_system();
     const StateReadings measured = bock_readings(true);
     const FlowResidual at_truth = bock_single_shooting(true);
-    const auto value = at_truth.evaluate(truth, at_truth.initial_latents(), false);
+    const auto value = at_truth.evaluate(at_truth.initial_set(), truth, at_truth.initial_latents(), false);
     REQUIRE(value[0].status == estimator::BlockStatus::ok);
     const Eigen::MatrixXd prediction = measured.values - value[0].e.reshaped(2, 11).transpose();
 

@@ -166,7 +166,8 @@ TEST_CASE("noise-free data from a gross misfit: the scale falls to its floor, no
     FunctionResidual two;
     two.add_group(group("y", 1.0));
     two.add_block(residual.layout()[0], [&residual](const Eigen::VectorXd& p, const Eigen::VectorXd&, bool) {
-        auto value = residual.evaluate(Eigen::Vector3d(1.0, p[0], p[1]), {Eigen::VectorXd()}, true)[0];
+        auto value =
+            residual.evaluate(residual.initial_set(), Eigen::Vector3d(1.0, p[0], p[1]), {Eigen::VectorXd()}, true)[0];
         value.e_theta = value.e_theta.rightCols(2).eval();
         return value;
     });

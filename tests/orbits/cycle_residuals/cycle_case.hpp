@@ -97,7 +97,7 @@ inline estimator::Estimate estimate_from_cycles(const CycleCase& c, const std::v
     const auto stages = estimator::estimate(parameters, {&lifted}, {}, rough);
     move_to(estimated(stages));
     orbits::CycleResidual reduced(c.system, c.binding, cycles, 0.0, starts(parameters),
-                                  lifted.nodes(stages.latents.front()));
+                                  lifted.nodes(stages.active.front(), stages.latents.front()));
     return estimator::estimate(parameters, {&reduced});
 }
 

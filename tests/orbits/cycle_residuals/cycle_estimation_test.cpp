@@ -110,13 +110,14 @@ TEST_CASE("cycles with equal weights: the estimated sd is the residuals' own, in
     orbits::CycleResidual residual(c.system, c.binding, cycles, 0.0, c.truth(), {}, options);
 
     // Derivatives by central differences: truncation 1e-10 x third derivative (1e4 over a chaotic period).
-    const auto exact = residual.evaluate(c.truth(), {}, true);
+    const auto exact = residual.evaluate(residual.initial_set(), c.truth(), {}, true);
     for (Index k = 0; k < 2; ++k) {
         Eigen::VectorXd up = c.truth(), down = c.truth();
         const double h = 1e-5 * up(k);
         up(k) += h;
         down(k) -= h;
-        const auto above = residual.evaluate(up, {}, false), below = residual.evaluate(down, {}, false);
+        const auto above = residual.evaluate(residual.initial_set(), up, {}, false),
+                   below = residual.evaluate(residual.initial_set(), down, {}, false);
         for (std::size_t b = 0; b < exact.size(); ++b) {
             const Eigen::VectorXd difference = (above[b].e - below[b].e) / (2.0 * h);
             const double size = exact[b].e_theta.col(k).cwiseAbs().maxCoeff();
@@ -132,7 +133,7 @@ TEST_CASE("cycles with equal weights: the estimated sd is the residuals' own, in
     theta << estimate.parameters[0].value, estimate.parameters[1].value;
     Eigen::Vector2d squares = Eigen::Vector2d::Zero();
     double count = 0.0;
-    const auto at_optimum = residual.evaluate(theta, {}, false);
+    const auto at_optimum = residual.evaluate(residual.initial_set(), theta, {}, false);
     for (std::size_t b = 0; b < at_optimum.size(); ++b) {
         if (!residual.layout()[b].active) continue;
         squares += at_optimum[b].e.reshaped(2, at_optimum[b].e.size() / 2).rowwise().squaredNorm();

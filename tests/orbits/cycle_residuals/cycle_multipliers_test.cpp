@@ -57,7 +57,7 @@ TEST_CASE("cycle multipliers: the reference's at the truth, exact derivatives, s
     CHECK(residual.groups()[2].name == "cycles.ln_multiplier");
     CHECK(residual.groups()[2].unit == "1");
     CHECK(residual.groups()[2].factor);
-    const auto at = residual.evaluate(c.truth(), no_latents, true);
+    const auto at = residual.evaluate(residual.initial_set(), c.truth(), no_latents, true);
     for (std::size_t b = 0; b < at.size(); ++b) {
         CAPTURE(residual.layout()[b].label);
         REQUIRE(at[b].status == BlockStatus::ok);
@@ -73,7 +73,8 @@ TEST_CASE("cycle multipliers: the reference's at the truth, exact derivatives, s
         const double h = 1e-5 * up(k);
         up(k) += h;
         down(k) -= h;
-        const auto above = residual.evaluate(up, no_latents, false), below = residual.evaluate(down, no_latents, false);
+        const auto above = residual.evaluate(residual.initial_set(), up, no_latents, false),
+                   below = residual.evaluate(residual.initial_set(), down, no_latents, false);
         for (std::size_t b = 0; b < at.size(); ++b) {
             CAPTURE(k, residual.layout()[b].label);
             const VectorXd difference = (above[b].e - below[b].e).tail(2) / (2.0 * h);

@@ -61,13 +61,14 @@ TEST_CASE("cycles of readings: zero at the truth, exact derivatives, nodes are s
     options.targets.sensor = encoder();
     const orbits::CycleResidual residual(c.system, c.binding, told, 0.0, c.truth(), {}, options);
     REQUIRE(residual.layout().size() == 41);
-    const auto at = residual.evaluate(c.truth(), no_latents, true);
+    const auto at = residual.evaluate(residual.initial_set(), c.truth(), no_latents, true);
     for (Index k = 0; k < 2; ++k) {
         VectorXd up = c.truth(), down = c.truth();
         const double h = 1e-5 * up(k);
         up(k) += h;
         down(k) -= h;
-        const auto above = residual.evaluate(up, no_latents, false), below = residual.evaluate(down, no_latents, false);
+        const auto above = residual.evaluate(residual.initial_set(), up, no_latents, false),
+                   below = residual.evaluate(residual.initial_set(), down, no_latents, false);
         for (std::size_t b = 0; b < at.size(); ++b) {
             CAPTURE(k, residual.layout()[b].label);
             REQUIRE(at[b].status == BlockStatus::ok);
@@ -84,7 +85,7 @@ TEST_CASE("cycles of readings: zero at the truth, exact derivatives, nodes are s
     lifted_options.targets = options.targets;
     const orbits::LiftedCycleResidual lifted(c.system, c.binding, told, 0.0, c.truth(), lifted_options);
     const auto latents = lifted.initial_latents();
-    const auto start = lifted.evaluate(c.truth(), latents, true);
+    const auto start = lifted.evaluate(lifted.initial_set(), c.truth(), latents, true);
     for (std::size_t b = 0; b < start.size(); ++b) {
         // Readings are inverted to 1e-12; defects grow with the flow, by 60 at most.
         CHECK(start[b].e.cwiseAbs().maxCoeff() < 1e-7);
@@ -92,8 +93,9 @@ TEST_CASE("cycles of readings: zero at the truth, exact derivatives, nodes are s
             auto up = latents, down = latents;
             up[b](k) += 1e-6;
             down[b](k) -= 1e-6;
-            const VectorXd difference =
-                (lifted.evaluate(c.truth(), up, false)[b].e - lifted.evaluate(c.truth(), down, false)[b].e) / 2e-6;
+            const VectorXd difference = (lifted.evaluate(lifted.initial_set(), c.truth(), up, false)[b].e -
+                                         lifted.evaluate(lifted.initial_set(), c.truth(), down, false)[b].e) /
+                                        2e-6;
             // Truncation 1e-12 x third derivative, rounding 1e-10 / 1e-6 on derivatives of the order of 50.
             CHECK((difference - start[b].e_z.col(k)).cwiseAbs().maxCoeff() < 1e-3);
         }
@@ -103,7 +105,7 @@ TEST_CASE("cycles of readings: zero at the truth, exact derivatives, nodes are s
     orbits::OnePeriodOptions one_period_options;
     one_period_options.targets = options.targets;
     const orbits::OnePeriodResidual prediction(c.system, c.binding, told, 0.0, c.truth(), one_period_options);
-    for (const auto& block : prediction.evaluate(c.truth(), no_latents, false))
+    for (const auto& block : prediction.evaluate(prediction.initial_set(), c.truth(), no_latents, false))
         CHECK(block.e.cwiseAbs().maxCoeff() < 1e-7);
 
     options.targets.sensor.type = models::Sensor::Type::function;

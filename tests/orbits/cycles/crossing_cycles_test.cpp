@@ -85,13 +85,14 @@ TEST_CASE("crossing cycles: the table's at the truth, exact derivatives", "[orbi
     CHECK(residual.groups()[2].name == "cycles.ln_multiplier");
     CHECK(residual.groups()[3].name == "cycles.time");
     CHECK(residual.layout()[0].group == std::vector<int>{0, 1, 0, 1, 2, 3});
-    const auto at = residual.evaluate(c.truth(), no_latents, true);
+    const auto at = residual.evaluate(residual.initial_set(), c.truth(), no_latents, true);
     for (Index k = 0; k < 3; ++k) {
         VectorXd up = c.truth(), down = c.truth();
         const double h = 1e-5 * up(k);
         up(k) += h;
         down(k) -= h;
-        const auto above = residual.evaluate(up, no_latents, false), below = residual.evaluate(down, no_latents, false);
+        const auto above = residual.evaluate(residual.initial_set(), up, no_latents, false),
+                   below = residual.evaluate(residual.initial_set(), down, no_latents, false);
         for (std::size_t b = 0; b < at.size(); ++b) {
             CAPTURE(k, b, at[b].e.transpose());
             REQUIRE(at[b].status == estimator::BlockStatus::ok);
@@ -129,8 +130,8 @@ TEST_CASE("crossing cycles: all three constants of Lorenz, in stages from far of
     orbits::LiftedCycleResidual lifted(c.system, c.binding, cycles, c.plane, starts());
     const auto stages = estimator::estimate(parameters, {&lifted}, {}, rough);
     move_to(stages);
-    orbits::CycleResidual residual(c.system, c.binding, cycles, c.plane, starts(), lifted.nodes(stages.latents.front()),
-                                   everything());
+    orbits::CycleResidual residual(c.system, c.binding, cycles, c.plane, starts(),
+                                   lifted.nodes(stages.active.front(), stages.latents.front()), everything());
     const auto estimate = estimator::estimate(parameters, {&residual});
     REQUIRE(estimate.status == estimator::EstimateStatus::converged);
     CHECK(estimate.counts[0].used == 6);

@@ -123,7 +123,7 @@ TEST_CASE("series read by formulas are predicted with exact derivatives, over wh
     std::vector<Eigen::VectorXd> z{Eigen::Vector2d(0.4, 25.0)};
     // The reading of the angle runs through several turns and is compared as it is. Both flows have the tolerance 1e-12
     // per step; 1e-9 is what is left after two seconds.
-    CHECK(residual.evaluate(theta, z, false)[0].e.cwiseAbs().maxCoeff() < 1e-9);
+    CHECK(residual.evaluate(residual.initial_set(), theta, z, false)[0].e.cwiseAbs().maxCoeff() < 1e-9);
 
     theta[1] = 0.06;
     const auto at = [&](Eigen::Index j, double h) {
@@ -133,9 +133,9 @@ TEST_CASE("series read by formulas are predicted with exact derivatives, over wh
             moved[j] += h;
         else
             from[0][j - 2] += h;
-        return residual.evaluate(moved, from, false)[0].e;
+        return residual.evaluate(residual.initial_set(), moved, from, false)[0].e;
     };
-    const auto exact = residual.evaluate(theta, z, true)[0];
+    const auto exact = residual.evaluate(residual.initial_set(), theta, z, true)[0];
     for (Eigen::Index j = 0; j < 4; ++j) {
         const double h = std::array{3e-3, 1e-5, 1e-4, 1e-3}[static_cast<std::size_t>(j)];
         const Eigen::VectorXd difference = (8.0 * (at(j, h) - at(j, -h)) - (at(j, 2 * h) - at(j, -2 * h))) / (12.0 * h);

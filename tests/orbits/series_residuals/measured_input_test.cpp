@@ -111,7 +111,7 @@ TEST_CASE("segments are predicted on the clocks of their own inputs", "[orbits]"
     const SeriesResidual residual(lag(), binding(), record(), options);
     const Eigen::VectorXd theta = Eigen::VectorXd::Constant(1, 0.8);
     const std::vector<Eigen::VectorXd> z{Eigen::VectorXd::Constant(1, 0.5), Eigen::VectorXd::Constant(1, 2.0)};
-    const auto values = residual.evaluate(theta, z, true);
+    const auto values = residual.evaluate(residual.initial_set(), theta, z, true);
     for (const auto& value : values) {
         REQUIRE(value.status == estimator::BlockStatus::ok);
         CHECK(value.e.cwiseAbs().maxCoeff() < 1e-10);
@@ -154,11 +154,11 @@ TEST_CASE("nodes of several intervals meet exactly under measured inputs", "[orb
     REQUIRE(residual.layout().size() == 12);
     const auto nodes = residual.initial_latents();
     const Eigen::VectorXd theta = Eigen::VectorXd::Constant(1, 0.8);
-    const auto values = residual.evaluate(theta, nodes, true);
+    const auto values = residual.evaluate(residual.initial_set(), theta, nodes, true);
     const Eigen::VectorXd above = theta.array() + 1e-5;
     const Eigen::VectorXd below = theta.array() - 1e-5;
-    const auto high = residual.evaluate(above, nodes, false);
-    const auto low = residual.evaluate(below, nodes, false);
+    const auto high = residual.evaluate(residual.initial_set(), above, nodes, false);
+    const auto low = residual.evaluate(residual.initial_set(), below, nodes, false);
     for (std::size_t b = 0; b < values.size(); ++b) {
         REQUIRE(values[b].status == estimator::BlockStatus::ok);
         // The solution is known; kinks of the input lie at samples. Tolerance 1e-10 over some ten steps.

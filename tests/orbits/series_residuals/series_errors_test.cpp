@@ -175,7 +175,7 @@ TEST_CASE("an initial value that is a parameter moves the prediction like one", 
     const auto latents = residual.initial_latents();
     CHECK(residual.state(0, theta, latents[0])[0] == 28.0);
     CHECK(residual.state(1, theta, latents[1])[0] == 21.0);
-    const auto values = residual.evaluate(theta, latents, true);
+    const auto values = residual.evaluate(residual.initial_set(), theta, latents, true);
     for (Eigen::Index j = 0; j < 3; ++j) {
         // Central differences: truncation h^2 and rounding eps / h are both below 1e-8 of the derivative's size, 1
         // ... 50.
@@ -183,8 +183,8 @@ TEST_CASE("an initial value that is a parameter moves the prediction like one", 
         Eigen::VectorXd above = theta, below = theta;
         above[j] += h;
         below[j] -= h;
-        const auto up = residual.evaluate(above, latents, false);
-        const auto down = residual.evaluate(below, latents, false);
+        const auto up = residual.evaluate(residual.initial_set(), above, latents, false);
+        const auto down = residual.evaluate(residual.initial_set(), below, latents, false);
         for (std::size_t b = 0; b < 2; ++b) {
             CAPTURE(j, b);
             const Eigen::VectorXd difference = (up[b].e - down[b].e) / (2.0 * h);

@@ -62,7 +62,7 @@ Series swing(const models::System& system, std::size_t count, std::size_t segmen
 /// Largest difference of the derivatives from central differences of e, relative to the largest derivative.
 double derivative_error(const SeriesResidual& residual, const Eigen::VectorXd& theta,
                         const std::vector<Eigen::VectorXd>& latents) {
-    const auto values = residual.evaluate(theta, latents, true);
+    const auto values = residual.evaluate(residual.initial_set(), theta, latents, true);
     double worst = 0.0;
     const auto compare = [&](std::size_t b, const Eigen::VectorXd& column, const Eigen::VectorXd& difference) {
         worst = std::max(
@@ -79,7 +79,8 @@ double derivative_error(const SeriesResidual& residual, const Eigen::VectorXd& t
             above[j] += h;
             below[j] -= h;
             compare(b, values[b].e_theta.col(j),
-                    (residual.evaluate(above, latents, false)[b].e - residual.evaluate(below, latents, false)[b].e) /
+                    (residual.evaluate(residual.initial_set(), above, latents, false)[b].e -
+                     residual.evaluate(residual.initial_set(), below, latents, false)[b].e) /
                         (2.0 * h));
         }
         for (Eigen::Index j = 0; j < latents[b].size(); ++j) {
@@ -87,7 +88,9 @@ double derivative_error(const SeriesResidual& residual, const Eigen::VectorXd& t
             above[b][j] += 1e-5;
             below[b][j] -= 1e-5;
             compare(b, values[b].e_z.col(j),
-                    (residual.evaluate(theta, above, false)[b].e - residual.evaluate(theta, below, false)[b].e) / 2e-5);
+                    (residual.evaluate(residual.initial_set(), theta, above, false)[b].e -
+                     residual.evaluate(residual.initial_set(), theta, below, false)[b].e) /
+                        2e-5);
         }
     }
     return worst;
@@ -116,7 +119,8 @@ TEST_CASE("a series is predicted exactly from its own parameters and states", "[
     CHECK(residual.layout()[0].group.size() == 600);
     CHECK(residual.layout()[0].shape.size() == 0);
 
-    const auto values = residual.evaluate(vector({64.0, 0.15}), {vector({-1.5, 1.8}), vector({-1.1, 1.8})}, false);
+    const auto values = residual.evaluate(residual.initial_set(), vector({64.0, 0.15}),
+                                          {vector({-1.5, 1.8}), vector({-1.1, 1.8})}, false);
     for (const auto& value : values) {
         REQUIRE(value.status == estimator::BlockStatus::ok);
         REQUIRE(value.e.size() == 600);
@@ -137,7 +141,7 @@ TEST_CASE("derivatives of a small undamped swing have their closed form", "[orbi
     Segment segment{"0", Eigen::MatrixXd::Zero(1, 200), Eigen::VectorXd::LinSpaced(200, 5.0, 6.99)};
     series.segments = {segment};
     const SeriesResidual residual(system, binding(*system, base, {"offset", "w0sq"}), series, {});
-    const auto value = residual.evaluate(vector({0.2, 36.0}), {vector({a, v})}, true)[0];
+    const auto value = residual.evaluate(residual.initial_set(), vector({0.2, 36.0}), {vector({a, v})}, true)[0];
     REQUIRE(value.status == estimator::BlockStatus::ok);
     for (Eigen::Index k = 0; k < 200; ++k) {
         const double t = 0.01 * static_cast<double>(k);
@@ -179,7 +183,7 @@ TEST_CASE("derivatives agree with differences", "[orbits]") {
                 std::vector<std::string>{"omega", "l", "k2"}[static_cast<std::size_t>(j)])];
         }
         // The record itself is predicted: the first phase is right.
-        CHECK(residual.evaluate(theta, z, false)[0].e.cwiseAbs().maxCoeff() < 1e-8);
+        CHECK(residual.evaluate(residual.initial_set(), theta, z, false)[0].e.cwiseAbs().maxCoeff() < 1e-8);
         theta[0] *= 1.01;
         CHECK(derivative_error(residual, theta, z) < 1.5e-7);
     }
@@ -195,7 +199,8 @@ TEST_CASE("derivatives agree with differences", "[orbits]") {
         const Series series = simulate(*system, base, experiment).series;
         const SeriesResidual residual(system, binding(*system, base, {"l", "k3"}), series, options);
         const Eigen::VectorXd theta = vector({base[system->parameter_index("l")], base[system->parameter_index("k3")]});
-        CHECK(residual.evaluate(theta, {vector({0.3, 2.0})}, false)[0].e.cwiseAbs().maxCoeff() < 1e-8);
+        CHECK(residual.evaluate(residual.initial_set(), theta, {vector({0.3, 2.0})}, false)[0].e.cwiseAbs().maxCoeff() <
+              1e-8);
         CHECK(derivative_error(residual, theta, {vector({0.31, 2.1})}) < 1.5e-7);
     }
 }
@@ -211,7 +216,7 @@ TEST_CASE("missing samples have no record and angles are compared on the circle"
     CHECK(residual.records(0)[3].sample == 4);
     CHECK(residual.records(0)[99].coordinate == 1);
     CHECK(residual.records(0)[99].sample == 1);
-    const auto value = residual.evaluate(Eigen::VectorXd(0), {vector({-1.5, 1.8})}, true)[0];
+    const auto value = residual.evaluate(residual.initial_set(), Eigen::VectorXd(0), {vector({-1.5, 1.8})}, true)[0];
     CHECK(value.e.cwiseAbs().maxCoeff() < 1e-10);
     CHECK(value.e_theta.rows() == 198);
     CHECK(value.e_theta.cols() == 0);
@@ -248,7 +253,7 @@ TEST_CASE("initial states may be fixed or carry a prior", "[orbits]") {
     CHECK(residual.layout()[0].latents == 1);
     CHECK(residual.layout()[0].group.back() == 2);
     CHECK(residual.initial_latents()[0] == vector({-1.45}));
-    const auto value = residual.evaluate(vector({0.15}), {vector({-1.5})}, true)[0];
+    const auto value = residual.evaluate(residual.initial_set(), vector({0.15}), {vector({-1.5})}, true)[0];
     REQUIRE(value.e.size() == 101);
     CHECK(value.e.head(100).cwiseAbs().maxCoeff() < 1e-10);
     CHECK_THAT(value.e[100], WithinAbs(0.1, 1e-15));  // mean - state
@@ -260,7 +265,9 @@ TEST_CASE("initial states may be fixed or carry a prior", "[orbits]") {
     options.initial[0].value = -1.5;
     const SeriesResidual all_fixed(system, binding(*system, swing_parameters, {"c1"}), swing(*system, 50, 1), options);
     CHECK(all_fixed.structure() == estimator::LatentStructure::none);
-    CHECK(all_fixed.evaluate(vector({0.15}), {Eigen::VectorXd(0)}, false)[0].e.cwiseAbs().maxCoeff() < 1e-10);
+    CHECK(all_fixed.evaluate(all_fixed.initial_set(), vector({0.15}), {Eigen::VectorXd(0)}, false)[0]
+              .e.cwiseAbs()
+              .maxCoeff() < 1e-10);
 }
 
 TEST_CASE("slopes at the start are those of the curve", "[orbits]") {
@@ -317,18 +324,19 @@ TEST_CASE("what cannot be simulated is a failed block, not an exception", "[orbi
     const Series series = swing(*system, 200, 2);
     const SeriesResidual short_of_steps(system, binding(*system, swing_parameters, {"c1"}), series, options);
     const std::vector<Eigen::VectorXd> z{vector({-1.5, 1.8}), vector({-1.1, 1.8})};
-    CHECK(short_of_steps.evaluate(vector({0.15}), z, true)[0].status == estimator::BlockStatus::failed);
+    CHECK(short_of_steps.evaluate(short_of_steps.initial_set(), vector({0.15}), z, true)[0].status ==
+          estimator::BlockStatus::failed);
     CHECK(short_of_steps.predict(vector({0.15}), vector({1.0, 1.0}), {1})[0].status == estimator::BlockStatus::failed);
 
-    SeriesResidual residual(system, binding(*system, swing_parameters, {"c1"}), series, {});
-    CHECK(residual.evaluate(vector({-1.0}), z, true)[0].status ==
+    const SeriesResidual residual(system, binding(*system, swing_parameters, {"c1"}), series, {});
+    estimator::ActiveSet active = residual.initial_set();
+    CHECK(residual.evaluate(active, vector({-1.0}), z, true)[0].status ==
           estimator::BlockStatus::failed);  // outside the domain
-    CHECK(residual.evaluate(vector({0.15}), {vector({std::nan(""), 0.0}), z[1]}, true)[0].status ==
+    CHECK(residual.evaluate(active, vector({0.15}), {vector({std::nan(""), 0.0}), z[1]}, true)[0].status ==
           estimator::BlockStatus::failed);
-    CHECK_FALSE(residual.update_active_set(vector({0.15}), z, vector({1.0, 1.0})).changed);
-    residual.deactivate(0);
-    CHECK_FALSE(residual.layout()[0].active);
-    const auto values = residual.evaluate(vector({0.15}), z, true);
+    CHECK_FALSE(residual.update_active_set(active, vector({0.15}), z, vector({1.0, 1.0})).changed);
+    active.layout[0].active = false;
+    const auto values = residual.evaluate(active, vector({0.15}), z, true);
     CHECK(values[0].e.size() == 0);
     CHECK(values[1].e.size() == 400);
 }

@@ -65,7 +65,7 @@ struct PendulumCase {
 /// derivatives with respect to both of its nodes are seen.
 inline double derivative_error(const orbits::ShootingResidual& residual, const Eigen::VectorXd& theta,
                                const std::vector<Eigen::VectorXd>& latents) {
-    const auto values = residual.evaluate(theta, latents, true);
+    const auto values = residual.evaluate(residual.initial_set(), theta, latents, true);
     double worst = 0.0;
     const auto all = [](const estimator::BlockValue& value) {
         Eigen::VectorXd stacked(value.e.size() + value.c.size());
@@ -81,8 +81,8 @@ inline double derivative_error(const orbits::ShootingResidual& residual, const E
         Eigen::VectorXd above = theta, below = theta;
         above[j] += h;
         below[j] -= h;
-        const auto high = residual.evaluate(above, latents, false);
-        const auto low = residual.evaluate(below, latents, false);
+        const auto high = residual.evaluate(residual.initial_set(), above, latents, false);
+        const auto low = residual.evaluate(residual.initial_set(), below, latents, false);
         for (std::size_t b = 0; b < values.size(); ++b) {
             Eigen::VectorXd column(values[b].e.size() + values[b].c.size());
             column << values[b].e_theta.col(j),
@@ -99,8 +99,8 @@ inline double derivative_error(const orbits::ShootingResidual& residual, const E
                 above[b][i] += h;
                 below[b][i] -= h;
             }
-            const auto high = residual.evaluate(theta, above, false);
-            const auto low = residual.evaluate(theta, below, false);
+            const auto high = residual.evaluate(residual.initial_set(), theta, above, false);
+            const auto low = residual.evaluate(residual.initial_set(), theta, below, false);
             for (std::size_t b = 0; b < values.size(); ++b) {
                 Eigen::VectorXd column = Eigen::VectorXd::Zero(values[b].e.size() + values[b].c.size());
                 const Eigen::Index c = values[b].c.size();

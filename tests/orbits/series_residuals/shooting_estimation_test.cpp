@@ -111,11 +111,12 @@ TEST_CASE("a recorded series gives its parameters back, from a bad start", "[orb
     options.sensor = c.sensor;
     options.start = values(first);
     ShootingResidual residual(c.system, binding, c.series, options);
-    CHECK(residual.is_intermediate_stage());
+    CHECK(residual.initial_set().is_intermediate_stage);
     CHECK_THAT(residual.groups()[0].floor, WithinAbs(encoder_step / std::sqrt(12.0), 1e-12));
     const auto estimate = estimator::estimate(parameters(pendulum_names, values(first)), {&residual}, {}, plain());
     CHECK(estimate.status == estimator::EstimateStatus::converged);
-    CHECK_FALSE(residual.is_intermediate_stage());
+    const estimator::ActiveSet& active = estimate.active.front();
+    CHECK_FALSE(active.is_intermediate_stage);
     CHECK(estimate.counts[0].lost == 0);
     for (Eigen::Index i = 0; i < 4; ++i) {
         CAPTURE(i, values(estimate)[i], truth[i], sds(estimate)[i]);
@@ -133,12 +134,12 @@ TEST_CASE("a recorded series gives its parameters back, from a bad start", "[orb
     CHECK(((sds(other) - sds(estimate)).array().abs() < 0.01 * sds(estimate).array()).all());
 
     // Nothing speaks against the right model.
-    auto report = matching_report(residual, values(estimate), estimate.latents[0]);
+    auto report = matching_report(residual, active, values(estimate), estimate.latents[0]);
     CHECK(report.defect.large == 0);
     CHECK(report.warnings.empty());
-    auto loose = residual.with(looser(residual), estimate.latents[0], values(estimate));
+    auto loose = residual.with(looser(residual, active), active, estimate.latents[0], values(estimate));
     const auto second = estimator::estimate(parameters(pendulum_names, values(estimate)), {&loose}, {}, plain());
-    compare(report, residual, pendulum_names, values(estimate), sds(estimate), values(second), sds(second));
+    compare(report, residual, active, pendulum_names, values(estimate), sds(estimate), values(second), sds(second));
     CHECK(report.shift.cwiseAbs().maxCoeff() < 3.0);
     CHECK(report.warnings.empty());
 }
@@ -158,7 +159,7 @@ TEST_CASE("defects tell a wrong model", "[orbits][shooting]") {
     rough.maximum_iterations = 40;
     const auto estimate = estimator::estimate(parameters(pendulum_names, start), {&residual}, {}, rough);
     REQUIRE(estimate.status != estimator::EstimateStatus::failed);
-    const auto report = matching_report(residual, values(estimate), estimate.latents[0]);
+    const auto report = matching_report(residual, estimate.active.front(), values(estimate), estimate.latents[0]);
     CHECK(report.defect.count == residual.layout().size() - c.series.segments.size());
     CHECK(report.defect.large > report.defect.count / 4);
     REQUIRE_FALSE(report.warnings.empty());
@@ -183,7 +184,7 @@ TEST_CASE("Lorenz' equations from noisy samples, without a hint", "[orbits][shoo
     options.start = values(first);
     options.errors.assign(3, estimator::ErrorScale{false, 0.5, {}});
     ShootingResidual residual(system, binding, series, options);
-    CHECK(residual.noise() > noisy_readings);
+    CHECK(residual.noise(residual.initial_set()) > noisy_readings);
     const auto estimate = estimator::estimate(parameters(names, values(first)), {&residual}, {}, plain());
     CHECK(estimate.status == estimator::EstimateStatus::converged);
     for (Eigen::Index i = 0; i < 3; ++i)
@@ -281,7 +282,7 @@ TEST_CASE("a transient that ends at rest keeps its tail", "[orbits][shooting]") 
     options.sensor = experiment.sensor;
     options.start = truth.cwiseProduct(Eigen::Vector4d(1.02, 1.1, 0.8, 1.2));
     ShootingResidual residual(system, binding, series, options);
-    for (const auto& value : residual.evaluate(options.start, residual.initial_latents(), true))
+    for (const auto& value : residual.evaluate(residual.initial_set(), options.start, residual.initial_latents(), true))
         CHECK(value.status == estimator::BlockStatus::ok);
     const auto estimate = estimator::estimate(parameters(pendulum_names, options.start), {&residual}, {}, plain());
     REQUIRE(estimate.status != estimator::EstimateStatus::failed);
@@ -297,12 +298,12 @@ TEST_CASE("one node that cannot be simulated fails alone", "[orbits][shooting]")
     const ShootingResidual residual(c.system, binding, c.series, options);
     auto latents = residual.initial_latents();
     latents[7][0] = std::numeric_limits<double>::quiet_NaN();
-    const auto blocks = residual.evaluate(base_theta(binding), latents, true);
+    const auto blocks = residual.evaluate(residual.initial_set(), base_theta(binding), latents, true);
     for (std::size_t b = 0; b < blocks.size(); ++b)
         CHECK((blocks[b].status == estimator::BlockStatus::failed) == (b == 6 || b == 7));
     Eigen::VectorXd outside = base_theta(binding);
     outside[0] = -1.0;  // a length must be > 0
-    for (const auto& block : residual.evaluate(outside, residual.initial_latents(), false))
+    for (const auto& block : residual.evaluate(residual.initial_set(), outside, residual.initial_latents(), false))
         CHECK(block.status == estimator::BlockStatus::failed);
 }
 

@@ -81,16 +81,17 @@ TEST_CASE("a section series is met exactly by its own parameters and states", "[
 
     const Eigen::VectorXd theta = base_theta(binding);
     auto latents = residual.initial_latents();
-    const auto values = residual.evaluate(theta, latents, false);
+    const auto values = residual.evaluate(residual.initial_set(), theta, latents, false);
     for (const auto& value : values) {
         REQUIRE(value.status == estimator::BlockStatus::ok);
         CHECK(value.e.cwiseAbs().maxCoeff() < 1e-8);  // growth of an inverted state's 1e-10 over a period: up to 40
     }
-    const auto defect = residual.defect(theta, latents, Eigen::Vector2d(1e-6, 1e-6));
+    const auto defect = residual.defect(residual.initial_set(), theta, latents, Eigen::Vector2d(1e-6, 1e-6));
     CHECK(defect.count == nodes - 1);
     CHECK(defect.large == 0);
     latents[5][1] += 1e-3;
-    CHECK(residual.defect(theta, latents, Eigen::Vector2d(1e-6, 1e-6)).large == 2);  // before and behind it
+    CHECK(residual.defect(residual.initial_set(), theta, latents, Eigen::Vector2d(1e-6, 1e-6)).large ==
+          2);  // before and behind it
     CHECK(derivative_error(residual, theta, latents) < 1e-5);
 }
 
@@ -139,7 +140,7 @@ TEST_CASE("samples of an autonomous flow are matched interval by interval", "[or
         const auto latents = residual.initial_latents();
         // Node 1 (sample 10) lacks z, and has it from a cubic through its successors: 1e-2 of the true one.
         CHECK(derivative_error(residual, base_theta(binding), latents) < 1e-5);
-        const auto values = residual.evaluate(base_theta(binding), latents, false);
+        const auto values = residual.evaluate(residual.initial_set(), base_theta(binding), latents, false);
         CHECK(values[5].e.cwiseAbs().maxCoeff() < 1e-8);
     }
     // On the attractor errors grow by a factor e within some tenths of a second (largest exponent 0.9 per second, but
@@ -166,7 +167,7 @@ TEST_CASE("iterates of a map are matched", "[orbits][shooting]") {
     const ShootingResidual residual(system, binding, series, options);
     CHECK(residual.layout().size() == 25);
     const auto latents = residual.initial_latents();
-    for (const auto& value : residual.evaluate(base_theta(binding), latents, false))
+    for (const auto& value : residual.evaluate(residual.initial_set(), base_theta(binding), latents, false))
         CHECK(value.e.cwiseAbs().maxCoeff() < 1e-12);
     CHECK(derivative_error(residual, base_theta(binding), latents) < 1e-6);
 }

@@ -26,7 +26,7 @@ constexpr double pi = std::numbers::pi;
 /// differences with steps of `share` of each parameter: their truncation is (share)^6, their rounding 1e-12 / share.
 double derivative_error(const WaveformResidual& residual, const VectorXd& theta, std::vector<VectorXd> latents,
                         double share) {
-    const auto value = residual.evaluate(theta, latents, true);
+    const auto value = residual.evaluate(residual.initial_set(), theta, latents, true);
     double worst = 0.0;
     const auto compare = [&](std::size_t b, const VectorXd& exact, const auto& moved, double h) {
         static constexpr double weight[] = {45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0};
@@ -48,7 +48,7 @@ double derivative_error(const WaveformResidual& residual, const VectorXd& theta,
             const auto moved = [&](double step) {
                 VectorXd other = theta;
                 other(i) += step;
-                return residual.evaluate(other, latents, false);
+                return residual.evaluate(residual.initial_set(), other, latents, false);
             };
             compare(b, value[b].e_theta.col(i), moved, h);
         }
@@ -56,7 +56,7 @@ double derivative_error(const WaveformResidual& residual, const VectorXd& theta,
             const auto moved = [&](double step) {
                 std::vector<VectorXd> other = latents;
                 other[b](i) += step;
-                return residual.evaluate(theta, other, false);
+                return residual.evaluate(residual.initial_set(), theta, other, false);
             };
             compare(b, value[b].e_z.col(i), moved, share);
         }
@@ -105,7 +105,7 @@ TEST_CASE("waveform of a linear oscillator in closed form", "[periodic][waveform
     CHECK(std::abs(start[0](0) - phase) < pi / 256 + 1e-12);
     CHECK(std::abs(start[0](1) - 0.25) < 0.01);
 
-    const auto value = residual.evaluate(options.start, {Eigen::Vector2d(phase, 0.25)}, true);
+    const auto value = residual.evaluate(residual.initial_set(), options.start, {Eigen::Vector2d(phase, 0.25)}, true);
     REQUIRE(value[0].status == estimator::BlockStatus::ok);
     // Measured 6.5e-14, times ten.
     CHECK(value[0].e.cwiseAbs().maxCoeff() < 7e-13);

@@ -104,7 +104,7 @@ TEST_CASE("of coexisting steady states the measured one is taken", "[periodic][w
     REQUIRE(height(large) > 2.0 * height(small));
     const WaveformResidual residual(system, {small, large}, options);
     const auto latents = residual.initial_latents();
-    const auto value = residual.evaluate(options.start, latents, false);
+    const auto value = residual.evaluate(residual.initial_set(), options.start, latents, false);
     for (std::size_t b = 0; b < 2; ++b) {
         CAPTURE(b);
         REQUIRE(value[b].status == estimator::BlockStatus::ok);
@@ -133,7 +133,7 @@ TEST_CASE("a known phase leaves open in which period of a longer orbit the recor
     }
     REQUIRE((records[0].values - records[1].values).cwiseAbs().maxCoeff() > 0.1);
     const WaveformResidual residual(system, records, options);
-    const auto value = residual.evaluate(options.start, residual.initial_latents(), false);
+    const auto value = residual.evaluate(residual.initial_set(), options.start, residual.initial_latents(), false);
     for (std::size_t b = 0; b < 2; ++b) {
         CAPTURE(b);
         REQUIRE(value[b].status == estimator::BlockStatus::ok);
@@ -149,32 +149,34 @@ TEST_CASE("a steady state that vanishes is a block that failed, and comes back",
     WaveformOptions options;
     options.channels = channels_of(*system, {"x"});
     options.start = picked(binding);
-    WaveformResidual residual(
+    const WaveformResidual residual(
         system, {record_from(*system, binding, Eigen::Vector2d(1.6, 0.5), options.channels, "run1")}, options);
     const auto latents = residual.initial_latents();
     const auto status_at = [&](double omega) {
-        return residual.evaluate(VectorXd::Constant(1, omega), latents, true)[0].status;
+        return residual.evaluate(residual.initial_set(), VectorXd::Constant(1, omega), latents, true)[0].status;
     };
     CHECK(status_at(1.75) == estimator::BlockStatus::ok);
     CHECK(status_at(4.0) == estimator::BlockStatus::failed);
     CHECK(status_at(-1.0) == estimator::BlockStatus::failed);
     CHECK(status_at(missing) == estimator::BlockStatus::failed);
-    CHECK(residual.solutions(VectorXd::Constant(1, 4.0))[0].status != OrbitStatus::converged);
-    CHECK(residual.solutions(VectorXd::Constant(1, 1.75))[0].status == OrbitStatus::converged);
+    CHECK(residual.solutions(residual.initial_set(), VectorXd::Constant(1, 4.0))[0].status != OrbitStatus::converged);
+    CHECK(residual.solutions(residual.initial_set(), VectorXd::Constant(1, 1.75))[0].status == OrbitStatus::converged);
 
     const VectorXd scale = VectorXd::Ones(1);
+    estimator::ActiveSet active = residual.initial_set();
     for (int round = 0; round < 4; ++round) {
         CAPTURE(round);
-        const auto lost = residual.update_active_set(VectorXd::Constant(1, 4.0), latents, scale);
+        const auto lost = residual.update_active_set(active, VectorXd::Constant(1, 4.0), latents, scale);
         CHECK(lost.changed);
         CHECK(lost.lost == 1);
-        CHECK_FALSE(residual.layout()[0].active);
-        CHECK(residual.evaluate(VectorXd::Constant(1, 1.7), latents, true)[0].e.size() == 0);
-        const auto found = residual.update_active_set(VectorXd::Constant(1, 1.7), latents, scale);
+        CHECK_FALSE(active.layout[0].active);
+        CHECK(residual.evaluate(active, VectorXd::Constant(1, 1.7), latents, true)[0].e.size() == 0);
+        const auto found = residual.update_active_set(active, VectorXd::Constant(1, 1.7), latents, scale);
         // Twice, and once more where nothing else changes: refreshing must end.
         CHECK(found.added == (round < 3 ? 1 : 0));
-        CHECK(residual.layout()[0].active == (round < 3));
-        if (round < 3) CHECK_FALSE(residual.update_active_set(VectorXd::Constant(1, 1.7), latents, scale).changed);
+        CHECK(active.layout[0].active == (round < 3));
+        if (round < 3)
+            CHECK_FALSE(residual.update_active_set(active, VectorXd::Constant(1, 1.7), latents, scale).changed);
     }
 }
 
@@ -197,7 +199,7 @@ TEST_CASE("an unstable limit cycle from its measured states", "[periodic][wavefo
     record.time = 1.4;
     const WaveformResidual residual(system, {record}, options);
     REQUIRE(residual.start_status(0) == OrbitStatus::converged);
-    const auto found = residual.solutions(options.start);
+    const auto found = residual.solutions(residual.initial_set(), options.start);
     CHECK(std::abs(found[0].time - orbit.time) < 1e-9);
     CHECK_THAT(found[0].multipliers.front().real(), WithinRel(shortest.unstable_multiplier, 1e-8));
 }
@@ -237,7 +239,7 @@ TEST_CASE("waveform layout: missing readings, known phases, channels", "[periodi
     CHECK(layout[1].group.size() == 90);
     CHECK(layout[1].latents == 0);
     const auto latents = residual.initial_latents();
-    const auto value = residual.evaluate(options.start, latents, true);
+    const auto value = residual.evaluate(residual.initial_set(), options.start, latents, true);
     CHECK(value[1].e.cwiseAbs().maxCoeff() < 1e-7);
     CHECK(residual.sources(0)[5].sample == 6);
     CHECK(residual.alignment(0, latents[0]).offsets(0) == 0.0);
@@ -247,7 +249,7 @@ TEST_CASE("waveform layout: missing readings, known phases, channels", "[periodi
     oneapi::tbb::task_arena one(1);
     one.execute([&] {
         const WaveformResidual again(system, {first, second}, options);
-        const auto other = again.evaluate(options.start, again.initial_latents(), true);
+        const auto other = again.evaluate(again.initial_set(), options.start, again.initial_latents(), true);
         for (std::size_t b = 0; b < 2; ++b) {
             CHECK(other[b].e == value[b].e);
             CHECK(other[b].e_theta == value[b].e_theta);
@@ -271,11 +273,13 @@ TEST_CASE("a record without an orbit is inactive and says why", "[periodic][wave
     CHECK(residual.start_status(0) == OrbitStatus::converged);
     CHECK(residual.start_status(1) == OrbitStatus::shorter_period);
     CHECK_FALSE(residual.layout()[1].active);
-    CHECK(residual.solutions(options.start)[1].status == OrbitStatus::shorter_period);
-    const auto value = residual.evaluate(options.start, residual.initial_latents(), true);
+    CHECK(residual.solutions(residual.initial_set(), options.start)[1].status == OrbitStatus::shorter_period);
+    const auto value = residual.evaluate(residual.initial_set(), options.start, residual.initial_latents(), true);
     CHECK(value[0].e.size() == 90);
     CHECK(value[1].e.size() == 0);
-    CHECK_FALSE(residual.update_active_set(options.start, residual.initial_latents(), VectorXd::Ones(1)).changed);
+    estimator::ActiveSet active = residual.initial_set();
+    CHECK_FALSE(
+        residual.update_active_set(active, options.start, residual.initial_latents(), VectorXd::Ones(1)).changed);
 }
 
 TEST_CASE("wrong calls of waveform residuals are refused by name", "[periodic][waveform]") {

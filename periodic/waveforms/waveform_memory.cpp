@@ -1,0 +1,54 @@
+// The last solution of a record in the memory of an active set: nine vectors, in this order: status, phase, counts, T
+// and rotation; theta; scale; points; sensitivities; those of T; point and normal of the phase's origin; offsets.
+#include "periodic/orbit/eigen_names.hpp"
+#include "periodic/waveforms/waveform_residual.hpp"
+
+namespace orbid::periodic {
+
+WaveformResidual::Known WaveformResidual::known(const estimator::ActiveSet& active, std::size_t block) {
+    const VectorXd* part = &active.memory[memory_parts * block];
+    const VectorXd& numbers = part[0];
+    Known known;
+    known.status = static_cast<OrbitStatus>(numbers[0]);
+    known.phase = numbers[1];
+    known.taken_back = static_cast<int>(numbers[2]);
+    known.sought_again = numbers[3] != 0.0;
+    known.orbit.time = numbers[4];
+    for (Index i = 5; i < numbers.size(); ++i)
+        known.orbit.rotation.push_back(static_cast<int>(numbers[i]));
+    known.theta = part[1];
+    known.scale = part[2];
+    if (known.scale.size() > 0) known.orbit.points = part[3].reshaped(part[2].size(), part[3].size() / part[2].size());
+    if (part[3].size() > 0)
+        known.orbit.sensitivities = part[4].reshaped(part[3].size(), part[4].size() / part[3].size());
+    known.orbit.time_sensitivities = part[5].transpose();
+    known.origin = {part[6], part[7]};
+    known.offsets = part[8];
+    return known;
+}
+
+void WaveformResidual::remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const {
+    VectorXd* part = &active.memory[memory_parts * block];
+    VectorXd& numbers = part[0];
+    numbers.resize(5 + std::ssize(known.orbit.rotation));
+    numbers.head<5>() << static_cast<double>(known.status), known.phase, known.taken_back,
+        known.sought_again ? 1.0 : 0.0, known.orbit.time;
+    for (std::size_t i = 0; i < known.orbit.rotation.size(); ++i)
+        numbers[static_cast<Index>(i) + 5] = known.orbit.rotation[i];
+    part[1] = known.theta;
+    part[2] = known.scale;
+    part[3] = known.orbit.points.reshaped();
+    part[4] = known.orbit.sensitivities.reshaped();
+    part[5] = known.orbit.time_sensitivities.transpose();
+    part[6] = known.origin.point;
+    part[7] = known.origin.normal;
+    part[8] = known.offsets;
+    VectorXd& start = active.latents[block];
+    start.resize(std::ssize(blocks_[block].unknowns));
+    for (Index i = 0; i < start.size(); ++i) {
+        const Index unknown = blocks_[block].unknowns[static_cast<std::size_t>(i)];
+        start(i) = unknown < 0 ? known.phase : known.offsets(unknown);
+    }
+}
+
+}  // namespace orbid::periodic
