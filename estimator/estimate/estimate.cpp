@@ -9,6 +9,7 @@
 #include "estimator/problem/tie.hpp"
 #include "estimator/uncertainty/posterior.hpp"
 #include "estimator/uncertainty/verdict.hpp"
+#include "models/system/stopped.hpp"
 
 namespace orbid::estimator {
 
@@ -40,9 +41,10 @@ public:
                                                         [](const BlockLayout& block) { return !block.active; }));
             counts.push_back(count);
         }
-        set.active = std::move(active);
+        active_ = std::move(active);
     }
 
+    /// @throws models::Stopped when a stop comes before there is anything.
     void run();
 
     BlockSet set;
@@ -51,13 +53,16 @@ public:
     std::vector<ResidualCount> counts;
 
 private:
+    bool minimise_next();
+    bool go_on(int& provisional);
     bool suspend_stopped();
     bool update_active_set();
-    void read_scales();
+    void read_scales(bool provisional);
     void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
 
     const Problem& problem_;
     State& state_;
+    std::vector<ActiveSet> active_;  ///< for the next minimisation; `set` has those of the last one
 };
 
 /// Takes the stopped blocks out. False when too much would be lost: half of a residual's blocks or more.
@@ -65,7 +70,7 @@ bool OuterLoop::suspend_stopped() {
     if (half_of_a_residual(set, minimum.stopped)) return false;
     for (const std::size_t b : minimum.stopped) {
         const ActiveBlock& block = set.blocks[b];
-        set.active[block.residual].layout[block.block].active = false;
+        active_[block.residual].layout[block.block].active = false;
         ++counts[block.residual].lost;
     }
     return true;
@@ -73,8 +78,8 @@ bool OuterLoop::suspend_stopped() {
 
 /// Blocks that are new, or came back, start from the latent states of the set.
 void OuterLoop::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
-    const auto& fresh = set.active[residual].latents;
-    const auto& layout = set.active[residual].layout;
+    const auto& fresh = active_[residual].latents;
+    const auto& layout = active_[residual].layout;
     auto& latents = state_.latents[residual];
     latents.resize(layout.size());
     for (std::size_t b = 0; b < layout.size(); ++b) {
@@ -88,7 +93,7 @@ bool OuterLoop::update_active_set() {
     std::size_t first = 0;
     const Eigen::VectorXd all_scales = scales_of(problem_.laws, state_.psi);
     for (std::size_t r = 0; r < problem_.residuals.size(); ++r) {
-        ActiveSet& active = set.active[r];
+        ActiveSet& active = active_[r];
         std::vector<bool> was_active;
         for (const BlockLayout& block : active.layout)
             was_active.push_back(block.active);
@@ -107,57 +112,96 @@ bool OuterLoop::update_active_set() {
 }
 
 /// Fixed scales as the sets have them now; in an intermediate stage the starts of the others as well.
-void OuterLoop::read_scales() {
+void OuterLoop::read_scales(bool provisional) {
     for (const NoiseModel& law : problem_.laws) {
         if (law.joint()) continue;
         const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
-        const double value = set.active[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
+        const double value = active_[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
         const ErrorCoordinate& scale = law.coordinates.front();
-        if (value > 0.0 && (!scale.estimate || set.provisional)) state_.psi[law.first] = scale.at(value);
+        if (value > 0.0 && (!scale.estimate || provisional)) state_.psi[law.first] = scale.at(value);
     }
 }
 
-void OuterLoop::run() {
+/// Minimises with the sets at hand. @return false: there is nothing to minimise
+bool OuterLoop::minimise_next() {
+    BlockSet next = freeze(problem_.residuals, active_, problem_.channels, problem_.laws);
+    if (ledger.round > 1) read_scales(next.provisional);
+    Minimum found;
+    if (next.records > 0)
+        found = minimise(problem_, next, state_, ledger);
+    else
+        found.message = "no residual record takes part";
+    set = std::move(next);
+    minimum = std::move(found);
+    return set.records > 0;
+}
+
+/// What the end of a minimisation asks for. @return whether another one follows
+bool OuterLoop::go_on(int& provisional) {
     const int limit = problem_.options.maximum_rounds;
-    int provisional = 0;
-    for (ledger.round = 1;; ++ledger.round) {
-        set = freeze(problem_.residuals, std::move(set.active), problem_.channels, problem_.laws);
-        if (set.provisional) ++provisional;
-        if (ledger.round > 1) read_scales();
-        minimum = Minimum{};
-        if (set.records == 0) {
-            minimum.message = "no residual record takes part";
-            return;
-        }
-        minimum = minimise(problem_, set, state_, ledger);
-        const bool last = set.provisional ? provisional >= provisional_limit : ledger.round - provisional >= limit;
-        if (minimum.outcome == Outcome::start_failed || minimum.outcome == Outcome::blocks_stopped) {
-            const bool at_start = minimum.outcome == Outcome::start_failed;
-            minimum.message =
-                (at_start ? "cannot be evaluated at the start: " : "stopped three steps in a row: ") +
-                described(problem_, set, set.blocks[minimum.stopped.front()]) +
-                (minimum.stopped.size() > 1 ? " and " + std::to_string(minimum.stopped.size() - 1) + " more of " +
-                                                  std::to_string(set.blocks.size()) + " blocks"
-                                            : "");
-            if (last || !suspend_stopped()) return;
-            if (at_start) continue;
-        } else if (minimum.outcome != Outcome::converged && minimum.outcome != Outcome::no_progress) {
-            return;
-        }
-        if (last) {
-            if (set.provisional) {
-                minimum.outcome = Outcome::iteration_limit;
-                minimum.message = "still provisional after " + std::to_string(provisional_limit) + " rounds";
-            } else if (limit > 1 && minimum.outcome == Outcome::converged) {
-                minimum.outcome = Outcome::iteration_limit;
-                minimum.message = "the limit of " + std::to_string(limit) +
-                                  " rounds is reached while the set of blocks still changes";
-            }
-            return;
-        }
-        const bool stopped = minimum.outcome == Outcome::blocks_stopped;
-        if (!update_active_set() && !stopped && !set.provisional) return;
+    if (set.provisional) ++provisional;
+    const bool last = set.provisional ? provisional >= provisional_limit : ledger.round - provisional >= limit;
+    if (minimum.outcome == Outcome::start_failed || minimum.outcome == Outcome::blocks_stopped) {
+        const bool at_start = minimum.outcome == Outcome::start_failed;
+        minimum.message = (at_start ? "cannot be evaluated at the start: " : "stopped three steps in a row: ") +
+                          described(problem_, set, set.blocks[minimum.stopped.front()]) +
+                          (minimum.stopped.size() > 1 ? " and " + std::to_string(minimum.stopped.size() - 1) +
+                                                            " more of " + std::to_string(set.blocks.size()) + " blocks"
+                                                      : "");
+        if (last || !suspend_stopped()) return false;
+        if (at_start) return true;
+    } else if (minimum.outcome != Outcome::converged && minimum.outcome != Outcome::no_progress) {
+        return false;
     }
+    if (last) {
+        if (set.provisional) {
+            minimum.outcome = Outcome::iteration_limit;
+            minimum.message = "still provisional after " + std::to_string(provisional_limit) + " rounds";
+        } else if (limit > 1 && minimum.outcome == Outcome::converged) {
+            minimum.outcome = Outcome::iteration_limit;
+            minimum.message =
+                "the limit of " + std::to_string(limit) + " rounds is reached while the set of blocks still changes";
+        }
+        return false;
+    }
+    const bool stopped = minimum.outcome == Outcome::blocks_stopped;
+    return update_active_set() || stopped || set.provisional;
+}
+
+void OuterLoop::run() {
+    int provisional = 0;
+    State reached = state_;
+    try {
+        for (ledger.round = 1; minimise_next(); ++ledger.round) {
+            reached = state_;
+            if (!go_on(provisional)) break;
+        }
+        set.active = std::move(active_);
+    } catch (const models::Stopped&) {
+        // Between two minimisations: what the last one has come to stays.
+        if (set.blocks.empty() || minimum.outcome == Outcome::start_failed) throw;
+        state_ = std::move(reached);
+        minimum.outcome = Outcome::interrupted;
+        minimum.message = "interrupted after " + std::to_string(ledger.iterations) + " steps";
+    }
+}
+
+/// Full Hessian and verdict, as far as asked for. A stop leaves the estimate without them.
+void judge_estimate(const Problem& problem, const OuterLoop& rounds, const State& state, const Posterior& posterior,
+                    Estimate& result) try {
+    const EstimateOptions& options = problem.options;
+    const bool at_floor = std::any_of(rounds.minimum.error_at_floor.begin(), rounds.minimum.error_at_floor.end(),
+                                      [](bool floor) { return floor; });
+    result.hessian_ratio = Eigen::VectorXd::Constant(state.u.size(), nan_value);
+    if (at_floor || !(options.verdict || options.full_hessian)) return;
+    const FullHessian hessian = full_hessian(problem, rounds.set, state, rounds.minimum, posterior, result.evaluations);
+    result.hessian_ratio = hessian.ratio;
+    if (options.full_hessian && hessian.definite) result.log_integral -= 0.5 * hessian.ln_determinant;
+    if (!options.verdict) return;
+    const Verdict verdict = judge(problem, rounds.set, state, rounds.minimum, posterior, hessian, result.evaluations);
+    result.trust_normal = verdict.trust;
+    result.distrust = verdict.reason;
+} catch (const models::Stopped&) {
 }
 
 }  // namespace
@@ -196,21 +240,7 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
     const Posterior posterior(problem, rounds.set, state, rounds.minimum);
     report(problem, rounds.set, state, rounds.minimum, posterior, derived, result);
     result.log_integral = posterior.log_integral();
-    const bool at_floor = std::any_of(rounds.minimum.error_at_floor.begin(), rounds.minimum.error_at_floor.end(),
-                                      [](bool floor) { return floor; });
-    result.hessian_ratio = Eigen::VectorXd::Constant(state.u.size(), nan_value);
-    if ((options.verdict || options.full_hessian) && !at_floor) {
-        const FullHessian hessian =
-            full_hessian(problem, rounds.set, state, rounds.minimum, posterior, result.evaluations);
-        result.hessian_ratio = hessian.ratio;
-        if (options.full_hessian && hessian.definite) result.log_integral -= 0.5 * hessian.ln_determinant;
-        if (options.verdict) {
-            const Verdict verdict =
-                judge(problem, rounds.set, state, rounds.minimum, posterior, hessian, result.evaluations);
-            result.trust_normal = verdict.trust;
-            result.distrust = verdict.reason;
-        }
-    }
+    judge_estimate(problem, rounds, state, posterior, result);
     if (rounds.minimum.kink) {
         result.trust_normal = false;
         result.distrust = "the minimum lies at a kink of the objective, whose sides have different curvatures";

@@ -26,8 +26,8 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
     trial.state = moved(step);
     trial.prior = prior_at(problem_, trial.state.u);
     if (!std::isfinite(trial.prior.value)) return trial;
-    trial.evaluation = evaluate(problem_.residuals, set_, problem_.laws, trial.state.theta, trial.state.latents,
-                                derivatives_at_trial_);
+    trial.evaluation = evaluate_trial(problem_.residuals, set_, problem_.laws, trial.state.theta, trial.state.latents,
+                                      derivatives_at_trial_);
     ++ledger_.evaluations;
     if (!trial.evaluation.failed.empty()) {
         for (const std::size_t b : trial.evaluation.failed)
@@ -67,7 +67,8 @@ bool Minimisation::decreases(Trial& trial) {
         return false;
     }
     if (derivatives_at_trial_) return true;
-    trial.evaluation = evaluate(problem_.residuals, set_, problem_.laws, trial.state.theta, trial.state.latents, true);
+    trial.evaluation =
+        evaluate_trial(problem_.residuals, set_, problem_.laws, trial.state.theta, trial.state.latents, true);
     ++ledger_.evaluations;
     if (!trial.evaluation.failed.empty()) trial.reason = StepRejection::block_failed;
     return trial.evaluation.failed.empty();

@@ -102,7 +102,7 @@ private:
 bool LeastSquares::move_to(const Eigen::VectorXd& u, bool derivatives) {
     trial_.u = u;
     trial_.theta = natural_parameters(problem_, u);
-    trial_values_ = evaluate(problem_.residuals, set_, problem_.laws, trial_.theta, state_.latents, derivatives);
+    trial_values_ = evaluate_trial(problem_.residuals, set_, problem_.laws, trial_.theta, state_.latents, derivatives);
     ++ledger_.evaluations;
     return trial_values_.failed.empty();
 }
@@ -252,7 +252,12 @@ void LeastSquares::start_scale() {
 }
 
 Evaluation LeastSquares::run() {
-    if (!move_to(state_.u, true)) return std::move(trial_values_);
+    trial_.u = state_.u;
+    trial_.theta = natural_parameters(problem_, state_.u);
+    // Without a first evaluation there is nothing: models::Stopped goes on.
+    trial_values_ = evaluate(problem_.residuals, set_, problem_.laws, trial_.theta, state_.latents, true);
+    ++ledger_.evaluations;
+    if (!trial_values_.failed.empty()) return std::move(trial_values_);
     Eigen::VectorXd e = rows_.errors(trial_values_);
     if (!std::isfinite(e.squaredNorm())) return std::move(trial_values_);
     adopt(std::move(trial_values_), std::move(e));

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <stdexcept>
 
 #include "estimator/algebra/block_loop.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
+#include "models/system/stopped.hpp"
 
 namespace orbid::estimator {
 
@@ -93,6 +95,20 @@ Evaluation evaluate(const std::vector<const Residual*>& residuals, const BlockSe
         evaluation.values.push_back(std::move(value));
     }
     return evaluation;
+}
+
+Evaluation evaluate_trial(const std::vector<const Residual*>& residuals, const BlockSet& set,
+                          const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta, const Latents& latents,
+                          bool derivatives) {
+    try {
+        return evaluate(residuals, set, laws, theta, latents, derivatives);
+    } catch (const models::Stopped&) {
+        Evaluation none;
+        none.values.resize(set.blocks.size());
+        none.failed.resize(set.blocks.size());
+        std::iota(none.failed.begin(), none.failed.end(), std::size_t{0});
+        return none;
+    }
 }
 
 Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,

@@ -89,6 +89,11 @@ struct Evaluation {
                                   const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta,
                                   const Latents& latents, bool derivatives);
 
+/// The same at the end of a step that may be given up: all blocks count as failed where models::Stopped is thrown.
+[[nodiscard]] Evaluation evaluate_trial(const std::vector<const Residual*>& residuals, const BlockSet& set,
+                                        const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta,
+                                        const Latents& latents, bool derivatives);
+
 /// The errors of one law's records in the unit of the law: e, e divided by known sds, or ln y - ln yhat for log-normal
 /// errors.
 [[nodiscard]] Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,

@@ -1,10 +1,13 @@
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include <tbb/parallel_for.h>
 
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/exploration/profile.hpp"
+#include "models/system/stopped.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
@@ -75,6 +78,50 @@ TEST_CASE("a start that cannot be evaluated fails and names the block", "[estima
     const auto result = estimator::estimate({free_parameter("theta", 0.5)}, {&residual});
     CHECK(result.status == estimator::EstimateStatus::failed);
     CHECK_THAT(result.message, ContainsSubstring("only"));
+}
+
+TEST_CASE("an evaluation that is left keeps the best so far", "[estimator]") {
+    const auto run = [](int most, bool plain, std::vector<double>& objectives) {
+        FunctionResidual residual;
+        residual.add_group(group("y", 0.01, plain));
+        int evaluations = 0;
+        const auto inner = exponential(1e9);
+        residual.add_block(layout("all", 5), [&](const Eigen::VectorXd& theta, const Eigen::VectorXd& z, bool slopes) {
+            if (++evaluations > most) throw models::Stopped();
+            return inner(theta, z, slopes);
+        });
+        int updates = 0;
+        residual.on_update = [&](estimator::ActiveSet&) {
+            if (evaluations >= most) throw models::Stopped();
+            return estimator::RefreshReport{++updates == 1, 0, 0, 0};  // a second minimisation
+        };
+        estimator::EstimateOptions options;
+        options.interrupted = [&] { return evaluations > most; };
+        options.progress = [&](int, double objective) { objectives.push_back(objective); };
+        return estimator::estimate({free_parameter("theta", -3.0)}, {&residual}, {}, options);
+    };
+    for (const bool plain : {false, true}) {
+        std::vector<double> whole;
+        const auto all = run(1000, plain, whole);
+        REQUIRE(all.status == estimator::EstimateStatus::converged);
+        REQUIRE(all.evaluations > 5);
+        std::vector<double> none;
+        CHECK_THROWS_AS(run(0, plain, none), models::Stopped);
+        double before = std::numeric_limits<double>::infinity();
+        for (int most = 1; most < all.evaluations; ++most) {
+            CAPTURE(plain, most);
+            std::vector<double> objectives;
+            const auto part = run(most, plain, objectives);
+            const bool judged = part.status == estimator::EstimateStatus::converged;
+            if (!judged) CHECK(part.status == estimator::EstimateStatus::interrupted);
+            CHECK(std::isfinite(part.parameters[0].value));
+            // Scales are estimated at the parameters that are reached: to the tolerance of both.
+            CHECK(part.objective >= all.objective - 1e-6);
+            CHECK(part.objective <= before + 1e-6);
+            before = part.objective;
+            CHECK(std::equal(objectives.begin(), objectives.end(), whole.begin()));
+        }
+    }
 }
 
 TEST_CASE("estimates share a residual, which never changes", "[estimator]") {
