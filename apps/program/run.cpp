@@ -190,7 +190,9 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
     }
     store_times(folder, progress, options);
     // Results are stored; of a long record the report takes seconds, and is left out when somebody waits for the end.
-    const RunStop report_stop(interruption);
+    RunStop report_stop(interruption);
+    std::optional<RunStop::AtOnce> leaving;  // after an earlier stop there is the usual patience
+    if (!interruption.asked()) leaving.emplace(report_stop);
     try {
         store_report(folder, console.error, [&report_stop] { return report_stop.now(); });
     } catch (const models::Stopped&) {

@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 Json stage_json(const StageResult& stage, const std::map<std::string, double>& references) {
     Json out;
     out["stage"] = stage.stage;
-    out["status"] = stage.status;
+    out["status"] = identification::status_name(stage.status);
     out["message"] = stage.message;
     out["chosen"] = stage.chosen;
     out["parameters"] = estimated_list(stage.parameters, references);
@@ -47,7 +47,7 @@ Json matching_json(const MatchingResult& matching) {
 Json alternative_json(const AlternativeResult& alternative, const std::map<std::string, double>& references) {
     Json out;
     out["model"] = alternative.name;
-    out["status"] = alternative.status;
+    out["status"] = identification::status_name(alternative.status);
     out["message"] = alternative.message;
     out["parameters"] = estimated_list(alternative.parameters, references);
     out["ln_bayes_factor"] = evidence_json(alternative.ln_bayes_factor);

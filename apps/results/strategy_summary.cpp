@@ -22,7 +22,7 @@ std::string stages_summary(const StrategyResults& results) {
         {left_aligned("stage"), left_aligned("status"), left_aligned("name"), "value", "± sd", left_aligned("")});
     for (const StageResult& stage : results.stages) {
         std::string name = stage.stage;
-        std::string status = stage.status;
+        std::string status(identification::status_name(stage.status));
         std::string chosen = stage.chosen ? "the result" : "";
         std::vector<estimator::Estimated> list = stage.parameters;
         list.insert(list.end(), stage.derived.begin(), stage.derived.end());
@@ -68,7 +68,8 @@ std::string criticism_summary(const StrategyResults& results) {
                defects(criticism.large_defects), ""});
     std::string reasons;
     for (const AlternativeResult& one : criticism.alternatives) {
-        table.add({one.name, one.status, std::to_string(one.used), known(one.ln_bayes_factor),
+        table.add({one.name, std::string(identification::status_name(one.status)), std::to_string(one.used),
+                   known(one.ln_bayes_factor),
                    std::isfinite(one.objective_difference) ? fmt::format("{:+.1f}", one.objective_difference) : "",
                    known(one.score), significant(one.score_error, 2), defects(one.large_defects),
                    one.ln_bayes_factor.value ? in_words(*one.ln_bayes_factor.value) : ""});

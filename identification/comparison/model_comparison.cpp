@@ -186,7 +186,8 @@ private:
         result.parameters = other.estimate.parameters;
         result.used = used_blocks(other);
         if (!other.usable()) {
-            result.ln_bayes_factor.reason = fmt::format("its fit: {}, {}", other.result.status, other.result.message);
+            result.ln_bayes_factor.reason =
+                fmt::format("its fit: {}, {}", status_name(other.result.status), other.result.message);
             result.score.reason = result.ln_bayes_factor.reason;
             return result;
         }
@@ -257,7 +258,7 @@ ComparisonResult criticise(const StageInput& input, const Stage& stage, const St
             // What this model makes of the data does not stop the others.
             AlternativeResult& failed = result.alternatives.emplace_back();
             failed.name = name;
-            failed.status = estimator::name(estimator::EstimateStatus::failed);
+            failed.status = estimator::EstimateStatus::failed;
             failed.message = error.what();
             failed.ln_bayes_factor.reason = error.what();
         }

@@ -45,8 +45,9 @@ StageRun ModelFit::fit(const Stage& stage, const estimator::Estimate& from) {
         if (same != from.parameters.end()) parameter.start = same->value;
     }
     StageRun run = fit_stage(input_, stage, parameters);
-    input_.observer.detail(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name_, run.result.status,
-                                       run.result.iterations, run.result.objective, run.result.message));
+    input_.observer.detail(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name_,
+                                       status_name(run.result.status), run.result.iterations, run.result.objective,
+                                       run.result.message));
     return run;
 }
 

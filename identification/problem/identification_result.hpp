@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -16,10 +17,17 @@
 
 namespace orbid::identification {
 
+/// How a stage has ended; none: it was skipped.
+using StageStatus = std::optional<estimator::EstimateStatus>;
+/// As of an estimate, or "skipped".
+[[nodiscard]] inline std::string_view status_name(StageStatus status) {
+    return status ? estimator::name(*status) : std::string_view("skipped");
+}
+
 /// One stage of a strategy.
 struct StageResult {
-    std::string stage;   ///< Stage::name
-    std::string status;  ///< as of an estimate, or "skipped"
+    std::string stage;  ///< Stage::name
+    StageStatus status;
     std::string message;
     std::vector<estimator::Estimated> parameters;
     std::vector<estimator::Estimated> derived;
@@ -60,7 +68,7 @@ struct LogEvidence {
 /// Another model, fitted to the same data.
 struct AlternativeResult {
     std::string name;  ///< "variant harmonic", "without k1"
-    std::string status;
+    StageStatus status;
     std::string message;
     std::vector<estimator::Estimated> parameters;
     LogEvidence ln_bayes_factor;               ///< ln p(y | the problem's model) - ln p(y | this one)

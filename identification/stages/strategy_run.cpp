@@ -54,8 +54,8 @@ estimator::Estimate strategy_estimate(const StrategyRun& strategy, bool interrup
     if (chosen == strategy.stages.end()) return estimate;
     std::string later;
     for (auto stage = chosen + 1; stage != strategy.stages.end(); ++stage)
-        later +=
-            fmt::format("; {} {}{}{}", stage->stage, stage->status, stage->message.empty() ? "" : ": ", stage->message);
+        later += fmt::format("; {} {}{}{}", stage->stage, status_name(stage->status),
+                             stage->message.empty() ? "" : ": ", stage->message);
     if (strategy.last != strategy.best->estimate.status) estimate.status = strategy.last;
     if (interrupted) estimate.status = estimator::EstimateStatus::interrupted;
     if (!later.empty() || strategy.unfinished)

@@ -20,7 +20,6 @@ namespace orbid::identification {
 namespace {
 
 using estimator::EstimateStatus;
-constexpr const char* skipped_status = "skipped";
 using Parameters = std::vector<estimator::FreeParameter>;
 
 /// A stage that could not run: the parameters stay where they are.
@@ -28,7 +27,6 @@ StageRun skipped(const Stage& stage, const Parameters& parameters, std::string r
     StageRun run;
     run.parameters = parameters;
     run.result.stage = stage.name();
-    run.result.status = skipped_status;
     run.result.message = std::move(reason);
     return run;
 }
@@ -174,7 +172,7 @@ void describe(const StageInput& input, StageRun& run) {
     for (std::size_t i = 0; i < input.setup.derived.size() && i < estimate.derived.size(); ++i)
         estimate.derived[i].start = input.setup.derived[i].value(first_start);
     StageResult& result = run.result;
-    result.status = estimator::name(estimate.status);
+    result.status = estimate.status;
     result.message = estimate.message;
     result.parameters = estimate.parameters;
     result.derived = estimate.derived;
@@ -211,7 +209,7 @@ bool StageRun::is_evaluated() const {
 }
 
 bool StageRun::skipped() const {
-    return result.status == skipped_status;
+    return !result.status;
 }
 
 const models::ParameterBinding& searched_binding(const IdentificationProblem& problem, const EstimateSetup& setup) {

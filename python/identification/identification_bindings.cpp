@@ -107,7 +107,8 @@ std::shared_ptr<Identified> identify(const py::object& system, const py::list& r
 
 py::list stage_list(const Identified& one) {
     return listed(one.stages.stages, [](const identification::StageResult& stage) {
-        return py::dict("stage"_a = stage.stage, "status"_a = stage.status, "message"_a = stage.message,
+        return py::dict("stage"_a = stage.stage, "status"_a = std::string(identification::status_name(stage.status)),
+                        "message"_a = stage.message,
                         "parameters"_a = by_name(stage.parameters, &estimator::Estimated::name,
                                                  [](const estimator::Estimated& value) { return py::cast(value); }),
                         "objective"_a = stage.objective, "iterations"_a = stage.iterations,

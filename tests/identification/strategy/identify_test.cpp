@@ -187,7 +187,7 @@ TEST_CASE("stopped between stages, the estimate is that of the stage before", "[
     CHECK(result.estimate.status == EstimateStatus::interrupted);
     CHECK_THAT(result.estimate.message, ContainsSubstring("the estimate is that of the stage prediction"));
     REQUIRE(result.stages.size() == 1);
-    CHECK(result.stages[0].status == "converged");
+    CHECK(result.stages[0].status == EstimateStatus::converged);
     REQUIRE(result.estimate.parameters.size() == 2);
     for (std::size_t i = 0; i < 2; ++i)
         CHECK(result.estimate.parameters[i].value == result.stages[0].parameters[i].value);
@@ -201,7 +201,7 @@ TEST_CASE("stopped within a stage, the estimate is the best of the stages that s
     const IdentificationResult result = identification::identify(henon_problem(), {}, observer);
     CHECK(result.estimate.status == EstimateStatus::interrupted);
     REQUIRE(result.stages.size() == 2);
-    CHECK(result.stages[1].status == "interrupted");
+    CHECK(result.stages[1].status == EstimateStatus::interrupted);
     CHECK(result.stages[0].chosen);
     CHECK_THAT(result.estimate.message, ContainsSubstring("of the stage prediction; series interrupted"));
     for (std::size_t i = 0; i < 2; ++i)
