@@ -143,10 +143,10 @@ TEST_CASE("a later stage that fails loses nothing, and is told", "[apps][run]") 
     strategy.best->estimate = estimate_of(2.0, EstimateStatus::converged);
     strategy.stages.resize(2);
     strategy.stages[0].stage = "cycles";
-    strategy.stages[0].status = "converged";
+    strategy.stages[0].status = estimator::EstimateStatus::converged;
     strategy.stages[0].chosen = true;
     strategy.stages[1].stage = "series";
-    strategy.stages[1].status = "failed";
+    strategy.stages[1].status = estimator::EstimateStatus::failed;
     strategy.stages[1].message = "no step helps";
     strategy.last = EstimateStatus::failed;
     strategy.iterations = 7;
@@ -160,7 +160,7 @@ TEST_CASE("a later stage that fails loses nothing, and is told", "[apps][run]") 
     // Interrupted: the same, with that status.
     CHECK(identification::strategy_estimate(strategy, true).status == EstimateStatus::interrupted);
     // A stage that had nothing to do changes nothing but the message.
-    strategy.stages[1].status = "skipped";
+    strategy.stages[1].status.reset();
     strategy.last = EstimateStatus::converged;
     CHECK(identification::strategy_estimate(strategy, false).status == EstimateStatus::converged);
     CHECK_THAT(identification::strategy_estimate(strategy, false).message,
