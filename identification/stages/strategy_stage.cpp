@@ -159,6 +159,7 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     run.estimate = memory.estimate;
     run.estimate.iterations += memory.cycles.iterations;
     run.estimate.evaluations += memory.cycles.evaluations;
+    run.result.status = run.estimate.status;
     run.parameters = std::move(parameters);
     return run;
 }
@@ -172,7 +173,6 @@ void describe(const StageInput& input, StageRun& run) {
     for (std::size_t i = 0; i < input.setup.derived.size() && i < estimate.derived.size(); ++i)
         estimate.derived[i].start = input.setup.derived[i].value(first_start);
     StageResult& result = run.result;
-    result.status = estimate.status;
     result.message = estimate.message;
     result.parameters = estimate.parameters;
     result.derived = estimate.derived;
