@@ -11,8 +11,8 @@
 // 2.66); the parametric pendulum with dry friction, sections read by an encoder of 4096 steps, now and 15.08 ms later,
 // l, k1, k2, k3 unknown.
 
-#include <chrono>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>

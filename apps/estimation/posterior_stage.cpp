@@ -154,8 +154,8 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
 }
 
 LogEvidence evidence_of(const Job& job, const std::vector<estimator::FreeParameter>& parameters,
-                        const std::vector<const estimator::Residual*>& residuals, const estimator::EstimateOptions& options,
-                        const estimator::Estimate& estimate) {
+                        const std::vector<const estimator::Residual*>& residuals,
+                        const estimator::EstimateOptions& options, const estimator::Estimate& estimate) {
     const auto terms = estimator::evidence_terms(parameters, residuals, options, estimate);
     const estimator::Evidence evidence = estimator::log_evidence(terms);
     if (!evidence.known) return {std::nullopt, evidence.message};
