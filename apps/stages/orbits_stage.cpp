@@ -103,7 +103,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         orbits::CycleSearchOptions options = section->options;
         options.interrupted = work.asking();
         search = orbits::find_cycles(section->series(), options);
-    } catch (const std::invalid_argument& error) {
+    } catch (const orbits::DataError& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
         std::string_view reason = error.what();
         constexpr std::string_view caller = "find_cycles: ";
@@ -135,7 +135,7 @@ orbits::Invariants compute_invariants(const Workspace& work, const SearchedSecti
         work.folder.store("invariants.json", invariants_text(invariants));
         work.progress.end("exponents, dimensions and entropies");
         return invariants;
-    } catch (const std::invalid_argument& error) {
+    } catch (const orbits::DataError& error) {
         throw orbits::DataError(fmt::format("{}: has no invariants to be told: {}",
                                             work.job.data[work.job.orbits->data].name, error.what()));
     }

@@ -58,7 +58,7 @@ void cut_samples(const Job& job, SearchedSection& section) {
             cut = stroboscopic_section(*section.record, job.model.system->period(values, models::Clock::time),
                                        job.section_phase);
         }
-    } catch (const std::invalid_argument& error) {
+    } catch (const orbits::DataError& error) {
         throw orbits::DataError(fmt::format("{}: no section can be made of its samples: {}", data.name, error.what()));
     }
     section.remark = cutting_remark(cut, *section.record);

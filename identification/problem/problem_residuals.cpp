@@ -87,7 +87,7 @@ std::unique_ptr<orbits::SeriesResidual> single_shooting(const IdentificationProb
     options.start = setup.start();
     try {
         return std::make_unique<orbits::SeriesResidual>(problem.system, setup.experiments[experiment], series, options);
-    } catch (const std::invalid_argument& error) {
+    } catch (const orbits::DataError& error) {
         throw orbits::DataError(fmt::format("{}: {}", data.name, error.what()));
     }
 }

@@ -95,12 +95,8 @@ std::vector<std::string> add_waveform(const IdentificationProblem& problem, cons
             records.push_back(waveform_record(problem, series, setup, asked.experiments[i], waveform.places.back()));
         }
     }
-    try {
-        waveform.residual = std::make_unique<periodic::WaveformResidual>(problem.system, std::move(records),
-                                                                         waveform_options(asked, start));
-    } catch (const std::invalid_argument& error) {
-        throw orbits::DataError(error.what());
-    }
+    waveform.residual = std::make_unique<periodic::WaveformResidual>(problem.system, std::move(records),
+                                                                     waveform_options(asked, start));
     std::vector<std::string> lost;
     for (std::size_t b = 0; b < waveform.places.size(); ++b) {
         const periodic::OrbitStatus status = waveform.residual->start_status(b);

@@ -1,13 +1,13 @@
 #include "identification/stages/harvest_stage.hpp"
 
 #include <optional>
-#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "identification/problem/estimated_values.hpp"
 #include "orbits/cycles/model_guided_search.hpp"
+#include "orbits/records/data_error.hpp"
 
 namespace orbid::identification {
 
@@ -47,7 +47,7 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
         const Unstoppable computing(input.observer);
         const Eigen::VectorXd values = input.cycle_binding.values(estimated_theta(before.estimate));
         found = orbits::model_guided_search(*measured.section, *problem.system, values, input.search.cycles, options);
-    } catch (const std::invalid_argument& error) {
+    } catch (const orbits::DataError& error) {
         input.observer.end(error.what());
         return error.what();
     }

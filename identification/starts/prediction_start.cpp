@@ -89,7 +89,7 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Identifica
         return std::make_unique<orbits::PredictionResidual>(std::move(systems), binding, std::move(list),
                                                             orbits::transition_clock(system, series), theta,
                                                             std::move(options));
-    } catch (const std::invalid_argument& error) {
+    } catch (const orbits::DataError& error) {
         throw orbits::DataError(fmt::format("{}: {}", data.name, error.what()));
     }
 }
@@ -108,7 +108,7 @@ void add_shooting(const IdentificationProblem& problem, const EstimateSetup& set
         try {
             residuals.shooting.push_back(std::make_unique<orbits::ShootingResidual>(
                 problem.system, setup.experiments[experiment], *measured.series, std::move(options)));
-        } catch (const std::invalid_argument& error) {
+        } catch (const orbits::DataError& error) {
             throw orbits::DataError(fmt::format("{}: {}", problem.experiments[experiment].name, error.what()));
         }
         residuals.shooting_experiments.push_back(experiment);

@@ -36,14 +36,14 @@ protected:
 };
 
 /// Polynomials fitted to the nearest neighbours of every point (CycleSearchOptions::Method::local_maps).
-/// @throws std::invalid_argument for too few points or neighbours.
+/// @throws DataError for too few points; std::invalid_argument for too few neighbours.
 [[nodiscard]] std::unique_ptr<CycleFinder> local_map_finder(const SectionPoints& section,
                                                             const CycleSearchOptions& options);
 
 /// The paper's analysis (CycleSearchOptions::Method::closest_return): in every group of recurrent points the closest
 /// return is the reference x_t. A linear map without intercept relative to it is fitted at each of its p points (P5);
 /// (P8) for all points.
-/// @throws std::invalid_argument for too few points or neighbours, or an order beyond 1.
+/// @throws DataError for too few points; std::invalid_argument for too few neighbours, or an order beyond 1.
 [[nodiscard]] std::unique_ptr<CycleFinder> closest_return_finder(const SectionPoints& section,
                                                                  const CycleSearchOptions& options);
 
@@ -75,7 +75,7 @@ void check_search(const CycleSearchOptions& options, Eigen::Index dimension);
 ///
 /// Reading errors are those of the options, else the sds that the series knows, else estimated (noise_level). They and
 /// their consequences are noted in `result`.
-/// @throws std::invalid_argument as the finders do.
+/// @throws as the finders do.
 [[nodiscard]] std::unique_ptr<CycleFinder> choose_finder(const Series& series, const SectionPoints& section,
                                                          const CycleSearchOptions& options, CycleSearch& result);
 

@@ -63,8 +63,8 @@ struct CycleSearchOptions {
 /// Partners under a symmetry are exact images of each other from the same data: using both would count the data twice.
 /// For the same reason a cycle that is its own partner has its halves averaged and its variances doubled.
 ///
-/// @throws std::invalid_argument for options out of range, a series that is not a section, fewer than
-///         10 x neighbours usable points, coordinates without spread.
+/// @throws std::invalid_argument for options out of range, a series that is not a section; DataError for
+///         fewer than 10 x neighbours usable points, coordinates without spread.
 [[nodiscard]] CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options);
 
 }  // namespace orbid::orbits

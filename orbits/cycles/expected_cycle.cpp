@@ -24,8 +24,8 @@ std::vector<Index> model_coordinates(const Series& series, const models::System&
     std::vector<Index> result;
     for (const SeriesCoordinate& coordinate : series.coordinates) {
         result.push_back(system.coordinate_index(coordinate.name));
-        refuse_if(result.back() < 0, "harvest: the series has a coordinate '{}', the model none of this name",
-                  coordinate.name);
+        refuse_record_if(result.back() < 0, "harvest: the series has a coordinate '{}', the model none of this name",
+                         coordinate.name);
     }
     return result;
 }

@@ -187,7 +187,7 @@ private:
 ModelGuidedSearch model_guided_search(const Series& series, const models::System& system, const VectorXd& theta,
                                       const std::vector<Cycle>& known, const ModelGuidedSearchOptions& options) {
     check_search(options.search, series.dimension());
-    refuse_if(
+    refuse_record_if(
         options.search.method == CycleSearchOptions::Method::closest_return,
         "harvest: the method closest_return rests on recurrences of the series alone; use local_maps or patch_map");
     ModelGuidedSearcher harvester(series, known, options);

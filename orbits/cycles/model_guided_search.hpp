@@ -55,8 +55,9 @@ struct ModelGuidedSearch {
 ///
 /// @param theta  shape (q), all parameters.
 /// @param known  as find_cycles gave them, mirror partners included.
-/// @throws std::invalid_argument as find_cycles; for a series coordinate that the model does not have, a covariance
-///         that does not fit the free parameters, an autonomous flow without a plane, parameters outside their domain.
+/// @throws as find_cycles; std::invalid_argument for a covariance that does not fit the free parameters, an autonomous
+///         flow without a plane, parameters outside their domain; DataError for a series coordinate that the model does
+///         not have, and for a search by closest returns.
 [[nodiscard]] ModelGuidedSearch model_guided_search(const Series& series, const models::System& system,
                                                     const Eigen::VectorXd& theta, const std::vector<Cycle>& known,
                                                     const ModelGuidedSearchOptions& options);

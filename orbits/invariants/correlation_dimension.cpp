@@ -247,9 +247,9 @@ CorrelationDimension correlation_dimension(const Series& series, const Correlati
 
     auto [all, ahead, time] = followed_points(points, stride);
     all = spread(all, static_cast<double>(options.points));
-    refuse_if(all.size() < fewest_points,
-              "correlation_dimension: {} points without missing coordinates, at least {} are needed", all.size(),
-              fewest_points);
+    refuse_record_if(all.size() < fewest_points,
+                     "correlation_dimension: {} points without missing coordinates, at least {} are needed", all.size(),
+                     fewest_points);
     const double step_time = result.timed && points.image_count() > 0
                                  ? time / static_cast<double>(points.image_count()) * static_cast<double>(stride)
                                  : 1.0;

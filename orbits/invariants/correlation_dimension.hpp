@@ -65,7 +65,8 @@ struct CorrelationDimension {
 /// of Cantor sets oscillate about D2. Those of sets with singular densities converge slowly (logistic map at 4: like
 /// 1 / ln r from below): see `scales`.
 ///
-/// @throws std::invalid_argument for options out of range, series that SectionPoints refuses, fewer than 1000 points.
+/// @throws std::invalid_argument for options out of range; DataError for fewer than 1000 points;
+///         as SectionPoints.
 [[nodiscard]] CorrelationDimension correlation_dimension(const Series& series, const CorrelationOptions& options = {});
 
 }  // namespace orbid::orbits

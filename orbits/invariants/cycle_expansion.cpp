@@ -35,27 +35,30 @@ struct Term {
 };
 
 void check_multipliers(const Cycle& cycle, std::size_t number, std::size_t dimension) {
-    refuse_if(cycle.multipliers.size() != dimension || dimension == 0,
-              "expand_cycles: cycle {} has {} multipliers, the first one has {}; all need the same, at least one",
-              number, cycle.multipliers.size(), dimension);
+    refuse_record_if(
+        cycle.multipliers.size() != dimension || dimension == 0,
+        "expand_cycles: cycle {} has {} multipliers, the first one has {}; all need the same, at least one", number,
+        cycle.multipliers.size(), dimension);
     bool unstable = false;
     for (const std::complex<double>& value : cycle.multipliers) {
         const double modulus = std::abs(value);
-        refuse_if(!(std::isfinite(modulus) && std::abs(modulus - 1.0) > marginal),
-                  "expand_cycles: cycle {} has a multiplier of modulus {:f}: must be finite and not 1 (the trivial "
-                  "multiplier of a flow is left out)",
-                  number, modulus);
+        refuse_record_if(
+            !(std::isfinite(modulus) && std::abs(modulus - 1.0) > marginal),
+            "expand_cycles: cycle {} has a multiplier of modulus {:f}: must be finite and not 1 (the trivial "
+            "multiplier of a flow is left out)",
+            number, modulus);
         unstable = unstable || modulus > 1.0;
     }
-    refuse_if(!unstable, "expand_cycles: cycle {} is stable: an expansion is of unstable cycles", number);
+    refuse_record_if(!unstable, "expand_cycles: cycle {} is stable: an expansion is of unstable cycles", number);
 }
 
 void check_partner(std::span<const Cycle> cycles, std::size_t number) {
     const Cycle& cycle = cycles[number];
     if (!cycle.mirror) return;
     const std::size_t partner = *cycle.mirror;
-    refuse_if(!(partner < cycles.size()) || cycles[partner].mirror != number || cycles[partner].period != cycle.period,
-              "expand_cycles: cycle {} names a mirror partner that is not in the list with the same period", number);
+    refuse_record_if(
+        !(partner < cycles.size()) || cycles[partner].mirror != number || cycles[partner].period != cycle.period,
+        "expand_cycles: cycle {} names a mirror partner that is not in the list with the same period", number);
 }
 
 // The cycles up to complete_to, checked.
@@ -66,18 +69,18 @@ std::vector<std::size_t> checked(std::span<const Cycle> cycles, const CycleExpan
               options.complete_to);
     std::vector<std::size_t> used;
     for (std::size_t i = 0; i < cycles.size(); ++i) {
-        refuse_if(!(cycles[i].period >= 1), "expand_cycles: cycle {} has period {}, must be positive", i,
-                  cycles[i].period);
+        refuse_record_if(!(cycles[i].period >= 1), "expand_cycles: cycle {} has period {}, must be positive", i,
+                         cycles[i].period);
         if (cycles[i].period > options.complete_to) continue;
         used.push_back(i);
         check_multipliers(cycles[i], i, cycles[used.front()].multipliers.size());
         check_partner(cycles, i);
         const bool timed = !std::isnan(cycles[used.front()].time);
-        refuse_if(std::isnan(cycles[i].time) == timed, "expand_cycles: some cycles have times, others not");
-        refuse_if(timed && !(cycles[i].time > 0.0 && std::isfinite(cycles[i].time)),
-                  "expand_cycles: cycle {} has time {:f}, must be positive", i, cycles[i].time);
+        refuse_record_if(std::isnan(cycles[i].time) == timed, "expand_cycles: some cycles have times, others not");
+        refuse_record_if(timed && !(cycles[i].time > 0.0 && std::isfinite(cycles[i].time)),
+                         "expand_cycles: cycle {} has time {:f}, must be positive", i, cycles[i].time);
     }
-    refuse_if(used.empty(), "expand_cycles: no cycle of period {} or shorter", options.complete_to);
+    refuse_record_if(used.empty(), "expand_cycles: no cycle of period {} or shorter", options.complete_to);
     return used;
 }
 
@@ -113,7 +116,7 @@ void check_index_sums(const std::vector<int>& sums) {
         return std::count(sums.begin(), sums.end(), a) < std::count(sums.begin(), sums.end(), b);
     });
     const auto odd = std::find_if(sums.begin(), sums.end(), [&](int sum) { return sum != *most; });
-    throw std::invalid_argument(fmt::format(
+    throw DataError(fmt::format(
         "expand_cycles: the list is not complete or has false cycles: the sums of the indices of the points of periods "
         "1, 2, ... {} must be equal for a continuous map; the first that stands out is that of period {}",
         fmt::join(sums, ", "), odd - sums.begin() + 1));

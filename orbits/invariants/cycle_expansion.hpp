@@ -70,7 +70,8 @@ struct CycleExpansion {
 ///
 /// @param cycles  period, multipliers (n of each, of the section map: without a flow's trivial 1), all or no times;
 ///                mirror and ln_multiplier_covariance where known, other members are not read.
-/// @throws std::invalid_argument when complete_to is not in [1, 64], no cycle is that short, periods are not positive,
+/// @throws std::invalid_argument when complete_to is not in [1, 64]; DataError when no cycle is that short, periods are
+///         not positive,
 ///         numbers of multipliers differ, a multiplier is not finite or has modulus 1, a cycle is stable, times are
 ///         given for some only or not positive, a mirror partner is not in the list, or the index sums of a
 ///         continuous map differ (the message names the period that lacks a cycle or has one too many).

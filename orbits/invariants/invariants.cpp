@@ -1,8 +1,6 @@
 #include "orbits/invariants/invariants.hpp"
 #include "orbits/records/refusal.hpp"
 
-#include <stdexcept>
-
 namespace orbid::orbits {
 
 Invariants find_invariants(const Series& series, const CycleSearch& search, const InvariantOptions& options) {
@@ -15,7 +13,7 @@ Invariants find_invariants(const Series& series, const CycleSearch& search, cons
     } else {
         try {
             result.expansion = expand_cycles(search.cycles, options.expansion);
-        } catch (const std::invalid_argument& refusal) {
+        } catch (const DataError& refusal) {
             result.expansion_refused = refusal.what();
         }
     }

@@ -33,7 +33,7 @@ struct Invariants {
 /// depends on the data. At the defaults a series of any length costs about 3 x 10^5 local maps, 10^7 distances, and
 /// neighbour searches over all its points.
 ///
-/// @throws std::invalid_argument as lyapunov_spectrum and correlation_dimension do; complete_to outside [0, 64].
+/// @throws as lyapunov_spectrum and correlation_dimension; std::invalid_argument for complete_to outside [0, 64].
 [[nodiscard]] Invariants find_invariants(const Series& series, const CycleSearch& search,
                                          const InvariantOptions& options = {});
 

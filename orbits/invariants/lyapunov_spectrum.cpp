@@ -170,7 +170,7 @@ void choose(const SectionPoints& points, const NeighbourIndex& grid, const std::
         result.neighbours = choice.neighbours;
         result.prediction_error = choice.error;
     }
-    if (result.order == 0) throw std::invalid_argument("lyapunov_spectrum: too few different points for local maps");
+    if (result.order == 0) throw DataError("lyapunov_spectrum: too few different points for local maps");
 }
 
 Sum follow(const SectionPoints& points, const Piece& piece, TangentFitter& fitter) {
@@ -265,11 +265,12 @@ LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& 
     if (samples) result.stride = sample_stride(series);
     const SectionPoints points(samples ? strided(series, result.stride) : series, options.symmetry_signs, {},
                                options.interrupted);
-    refuse_if(points.image_count() < fewest_images,
-              "lyapunov_spectrum: {} points have an image, at least {} are needed", points.image_count(),
-              fewest_images);
+    refuse_record_if(points.image_count() < fewest_images,
+                     "lyapunov_spectrum: {} points have an image, at least {} are needed", points.image_count(),
+                     fewest_images);
     std::vector<Piece> pieces = cut(points, points.size() / result.stride, options.steps);
-    refuse_if(pieces.empty(), "lyapunov_spectrum: no piece of the series is longer than {} steps", shortest_piece);
+    refuse_record_if(pieces.empty(), "lyapunov_spectrum: no piece of the series is longer than {} steps",
+                     shortest_piece);
     const NeighbourIndex grid(points);
     choose(points, grid, pieces, options, result);
     const auto affordable = static_cast<std::size_t>(budget / static_cast<double>(result.neighbours));

@@ -58,8 +58,8 @@ struct LyapunovSpectrum {
 ///
 /// Deterministic; parallel over pieces of the series.
 ///
-/// @throws std::invalid_argument for options out of range, series that SectionPoints refuses, fewer than 500 points
-///         with an image, no piece of at least 40 steps.
+/// @throws std::invalid_argument for options out of range; DataError for fewer than 500 points with an image, no piece
+///         of at least 40 steps; as SectionPoints.
 [[nodiscard]] LyapunovSpectrum lyapunov_spectrum(const Series& series, const LyapunovOptions& options = {});
 
 }  // namespace orbid::orbits

@@ -181,7 +181,7 @@ void validate(const Series& samples, const DelayEmbeddingOptions& options) {
     for (const Segment& segment : samples.segments)
         present += static_cast<std::size_t>(
             segment.values.row(options.coordinate).array().isFinite().cast<Eigen::Index>().sum());
-    refuse_if(!(present >= least_samples), "embed: needs at least {} samples, got {}", least_samples, present);
+    refuse_record_if(!(present >= least_samples), "embed: needs at least {} samples, got {}", least_samples, present);
 }
 
 }  // namespace
@@ -220,7 +220,7 @@ DelayEmbedding embed(const Series& samples, const DelayEmbeddingOptions& options
         piece.times = segment.times.head(count);
         embedding.series.segments.push_back(std::move(piece));
     }
-    refuse_if(embedding.series.segments.empty(), "embed: no segment has the {} samples of a vector", reach + 1);
+    refuse_record_if(embedding.series.segments.empty(), "embed: no segment has the {} samples of a vector", reach + 1);
     return embedding;
 }
 

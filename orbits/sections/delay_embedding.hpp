@@ -43,8 +43,8 @@ struct DelayEmbedding {
 /// A missing sample is missing in every vector that contains it. No vector extends past the end of a segment; segments
 /// shorter than a vector are left out.
 ///
-/// @throws std::invalid_argument for sections, a coordinate that does not exist or is an angle, options out of range,
-///         fewer than 500 samples, no segment as long as a vector.
+/// @throws std::invalid_argument for sections, a coordinate that does not exist or is an angle, options out of range;
+///         DataError for fewer than 500 samples, no segment as long as a vector.
 [[nodiscard]] DelayEmbedding embed(const Series& samples, const DelayEmbeddingOptions& options = {});
 
 }  // namespace orbid::orbits

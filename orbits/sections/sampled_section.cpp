@@ -110,8 +110,9 @@ private:
                 any = true;
             }
         }
-        refuse_if(!any, "plane_section: {} = {} is never crossed {}", samples_.coordinate(crossing_.coordinate).name,
-                  crossing_.value, crossing_.direction > 0 ? "from below" : "from above");
+        refuse_record_if(!any, "plane_section: {} = {} is never crossed {}",
+                         samples_.coordinate(crossing_.coordinate).name, crossing_.value,
+                         crossing_.direction > 0 ? "from below" : "from above");
         return marks;
     }
 

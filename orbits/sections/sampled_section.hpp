@@ -43,7 +43,8 @@ struct PlaneCrossing {
 ///
 /// @return sections without the plane's coordinate, with times and deviations; angles are in one turn.
 /// @throws std::invalid_argument for sections, fewer than two coordinates, a coordinate or direction that does not
-///         exist, a value that is not finite or never crossed, samples that are not equidistant.
+///         exist, a value that is not finite; DataError for one that is never crossed, samples that are not
+///         equidistant.
 /// Cost: linear in the samples.
 [[nodiscard]] SampledSection plane_section(const Series& samples, const PlaneCrossing& crossing);
 
@@ -55,8 +56,8 @@ struct PlaneCrossing {
 ///
 /// @param period  [s] of the forcing, > 0, at least two sampling intervals.
 /// @param phase   [rad] of the forcing; Series::phase is that at time 0.
-/// @throws std::invalid_argument for sections, a period out of range, segments shorter than a period throughout,
-///         samples that are not equidistant.
+/// @throws std::invalid_argument for sections; DataError for a period out of range, segments shorter than a period
+///         throughout, samples that are not equidistant.
 [[nodiscard]] SampledSection stroboscopic_section(const Series& samples, double period, double phase);
 
 }  // namespace orbid::orbits

@@ -76,14 +76,16 @@ void check_readings(const Series& series) {
     for (Eigen::Index d = 0; d < series.dimension(); ++d) {
         const std::string& name = series.coordinate(d).name;
         const Range range = range_of(series, d);
-        refuse_if(range.count == 0,
-                  "find_cycles: coordinate '{}' has no readings: all {} of them are missing (nan); leave it out, or "
-                  "read it from another column",
-                  name, series.size());
-        refuse_if(!(range.span() > 0.0),
-                  "find_cycles: coordinate '{}' has no spread: all {} readings are {}; a coordinate must vary, leave "
-                  "this one out",
-                  name, range.count, range.low);
+        refuse_record_if(
+            range.count == 0,
+            "find_cycles: coordinate '{}' has no readings: all {} of them are missing (nan); leave it out, or "
+            "read it from another column",
+            name, series.size());
+        refuse_record_if(
+            !(range.span() > 0.0),
+            "find_cycles: coordinate '{}' has no spread: all {} readings are {}; a coordinate must vary, leave "
+            "this one out",
+            name, range.count, range.low);
     }
 }
 
@@ -99,7 +101,7 @@ Eigen::Index longest_piece(const Series& series) {
         }
     }
     if (longest >= 2) return longest;
-    throw std::invalid_argument(
+    throw DataError(
         longest_segment < 2
             ? fmt::format("find_cycles: none of the {} points has an image, because every segment is a single point; "
                           "the points of one segment follow each other by one section, so a record of successive "
@@ -112,7 +114,7 @@ Eigen::Index longest_piece(const Series& series) {
 
 void check_periods(const std::vector<int>& periods, Eigen::Index longest, std::vector<std::string>& remarks) {
     const auto [least, most] = std::minmax_element(periods.begin(), periods.end());
-    refuse_if(
+    refuse_record_if(
         *least >= longest,
         "find_cycles: period {} needs pieces of at least {} successive points; the longest without a break has {}",
         *least, *least + 1, longest);
@@ -141,11 +143,11 @@ void look_at_steps(const Series& series, const std::vector<Pair>& pairs, std::ve
             ++different;
             step = std::min(step, apart);
         }
-        refuse_if(different < least_different && readings.size() > 4 * least_different,
-                  "find_cycles: coordinate '{}' has only {} different readings at {} points, {} to {} in steps of {}; "
-                  "at least {} are needed: read it more finely, or leave it out",
-                  coordinate.name, different, readings.size(), readings.front(), readings.back(), step,
-                  least_different);
+        refuse_record_if(
+            different < least_different && readings.size() > 4 * least_different,
+            "find_cycles: coordinate '{}' has only {} different readings at {} points, {} to {} in steps of {}; "
+            "at least {} are needed: read it more finely, or leave it out",
+            coordinate.name, different, readings.size(), readings.front(), readings.back(), step, least_different);
         const double repeated = 1.0 - static_cast<double>(different) / static_cast<double>(readings.size());
         if (repeated >= tied)
             remarks.push_back(fmt::format(
@@ -232,7 +234,7 @@ void check_angles(const Series& series, const std::vector<Pair>& pairs, std::vec
         if (!degrees && !(std::abs(span / periodic::full_turn - 1.0) <= nearly)) continue;
         const std::size_t torn = torn_neighbours(pairs, d, span);
         if (torn < seam_pairs) continue;
-        throw std::invalid_argument(fmt::format(
+        throw DataError(fmt::format(
             "find_cycles: coordinate '{}' spans {:.6g}, and at {} places the images of neighbouring points differ by "
             "nearly all of it: it is an angle {}, but is not declared as one; declare it an angle{}",
             coordinate.name, span, torn, degrees ? "in degrees" : "in radians",
@@ -262,8 +264,8 @@ void check_neighbours(std::size_t images, int neighbours, std::size_t usual, Eig
     refuse_if(neighbours != 0 && !(neighbours >= least),
               "find_cycles: neighbours must be at least {} for this order and dimension, got {}", least, neighbours);
     const std::size_t needed = 10 * (neighbours > 0 ? static_cast<std::size_t>(neighbours) : usual);
-    refuse_if(!(images >= needed), "find_cycles: needs at least 10 x neighbours = {} points with an image, got {}",
-              needed, images);
+    refuse_record_if(!(images >= needed),
+                     "find_cycles: needs at least 10 x neighbours = {} points with an image, got {}", needed, images);
 }
 
 }  // namespace orbid::orbits

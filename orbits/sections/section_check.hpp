@@ -21,14 +21,14 @@ namespace orbid::orbits {
 ///
 /// @param periods  requested, not empty.
 /// @return the remarks.
-/// @throws std::invalid_argument for what is refused: what, where, which rule, and what would be right.
+/// @throws DataError for what is refused: what, where, which rule, and what would be right.
 [[nodiscard]] std::vector<std::string> check_section(const Series& series, const std::vector<int>& periods);
 
 /// Checks that a fit has enough neighbours, and ten times as many points with an image (a neighbourhood of more than a
 /// tenth of the section is not local).
 /// @param neighbours  requested; 0: chosen by the data, `usual` of them are needed.
 /// @param least       that the fit needs.
-/// @throws std::invalid_argument otherwise.
+/// @throws std::invalid_argument for too few neighbours; DataError for too few points.
 void check_neighbours(std::size_t images, int neighbours, std::size_t usual, Eigen::Index least);
 
 }  // namespace orbid::orbits

@@ -118,8 +118,8 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
     const Eigen::VectorXd ranges = ranges_of(blocks, series.dimension());
     for (std::size_t d = 0; d < n; ++d) {
         const double range = ranges[static_cast<Eigen::Index>(d)];
-        refuse_if(!(range > 0.0) || !(scale_[static_cast<Eigen::Index>(d)] > 0.0),
-                  "find_cycles: coordinate '{}' has no spread", series.coordinates[d].name);
+        refuse_record_if(!(range > 0.0) || !(scale_[static_cast<Eigen::Index>(d)] > 0.0),
+                         "find_cycles: coordinate '{}' has no spread", series.coordinates[d].name);
         if (angle_[d] && !(range > wrapped_range * two_pi)) turns_known_ = false;
     }
 

@@ -28,7 +28,7 @@ public:
     /// @param scale  units, shape (n), > 0; empty: Series::scale().
     /// @param interrupted  asked by whatever works on these points, and now; if it says so, models::Stopped is thrown.
     /// @throws std::invalid_argument for a series of time samples, one without coordinates, segments of another
-    ///         dimension, coordinates without spread, signs of wrong length or other than +1 and -1.
+    ///         dimension, signs of wrong length or other than +1 and -1; DataError for coordinates without spread.
     explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt,
                            Eigen::VectorXd scale = {}, std::function<bool()> interrupted = {});
 

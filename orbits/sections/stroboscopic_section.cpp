@@ -90,15 +90,15 @@ Segment piece_at(const Segment& segment, const std::vector<Instant>& instants, d
 SampledSection stroboscopic_section(const Series& samples, double period, double phase) {
     check_samples(samples, "stroboscopic_section");
     const double step = sampling_interval(samples, "stroboscopic_section");
-    refuse_if(!(period >= 2.0 * step) || !std::isfinite(period),
-              "stroboscopic_section: the period must be at least two sampling intervals of {} s, got {} s", step,
-              period);
+    refuse_record_if(!(period >= 2.0 * step) || !std::isfinite(period),
+                     "stroboscopic_section: the period must be at least two sampling intervals of {} s, got {} s", step,
+                     period);
     if (!std::isfinite(phase)) throw std::invalid_argument("stroboscopic_section: the phase must be finite");
     const double offset = period * (phase - samples.phase) / periodic::full_turn;
 
     const auto [instants, marks, all_on_samples, any] = strobe_instants(samples, period, offset, step);
-    refuse_if(!any, "stroboscopic_section: no segment reaches the phase {} rad within its samples (period {} s)", phase,
-              period);
+    refuse_record_if(!any, "stroboscopic_section: no segment reaches the phase {} rad within its samples (period {} s)",
+                     phase, period);
 
     SampledSection section;
     section.series.coordinates = samples.coordinates;

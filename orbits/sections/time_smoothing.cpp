@@ -166,13 +166,14 @@ double sampling_interval(const Series& samples, const char* caller) {
         const Eigen::Index m = segment.times.size();
         if (m > 1 && step == 0.0) step = (segment.times[m - 1] - segment.times[0]) / static_cast<double>(m - 1);
     }
-    refuse_if(!(step > 0.0), "{}: no segment has two samples at ascending times", caller);
+    refuse_record_if(!(step > 0.0), "{}: no segment has two samples at ascending times", caller);
     for (const Segment& segment : samples.segments)
         for (Eigen::Index i = 0; i + 1 < segment.times.size(); ++i)
-            refuse_if(!(std::abs(segment.times[i + 1] - segment.times[i] - step) <= uneven * step),
-                      "{}: segment '{}' goes from {} s to {} s where {} s was the sampling interval; samples must be "
-                      "equidistant, missing ones nan",
-                      caller, segment.label, segment.times[i], segment.times[i + 1], step);
+            refuse_record_if(
+                !(std::abs(segment.times[i + 1] - segment.times[i] - step) <= uneven * step),
+                "{}: segment '{}' goes from {} s to {} s where {} s was the sampling interval; samples must be "
+                "equidistant, missing ones nan",
+                caller, segment.label, segment.times[i], segment.times[i + 1], step);
     return step;
 }
 

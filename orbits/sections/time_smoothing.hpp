@@ -62,7 +62,7 @@ private:
 void check_samples(const Series& samples, const char* caller);
 
 /// The common sampling interval [s].
-/// @throws std::invalid_argument for samples that are not equidistant, or no two samples in a segment.
+/// @throws DataError for samples that are not equidistant, or no two samples in a segment.
 [[nodiscard]] double sampling_interval(const Series& samples, const char* caller);
 
 /// Three samples on either side of the intervals after the given ones, per segment; thinned evenly to 20 000.

@@ -3,31 +3,33 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <stdexcept>
 
 #include <fmt/format.h>
+
+#include "orbits/records/refusal.hpp"
 
 namespace orbid::orbits {
 
 using Eigen::Index;
 
-void ObservedChannels::refuse(const std::string& message) const {
-    throw std::invalid_argument(fmt::format("{}: {}", who_, message));
+void ObservedChannels::refuse(bool call, const std::string& message) const {
+    refuse_if(call, "{}: {}", who_, message);
+    throw DataError(fmt::format("{}: {}", who_, message));
 }
 
 void ObservedChannels::check_binding(const models::ParameterBinding& binding, const Eigen::VectorXd& start) const {
     const auto q = std::ssize(system_.parameters());
-    require(binding.base.size() == q, "base has {} parameters, model {} has {}", binding.base.size(), system_.name(),
-            q);
-    require(binding.parameter.size() == binding.estimated.size(),
-            "binding: parameter and estimated must have equal lengths");
+    require_call(binding.base.size() == q, "base has {} parameters, model {} has {}", binding.base.size(),
+                 system_.name(), q);
+    require_call(binding.parameter.size() == binding.estimated.size(),
+                 "binding: parameter and estimated must have equal lengths");
     for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
-        require(binding.parameter[i] >= 0 && binding.parameter[i] < q, "binding: no such parameter of the model");
-        require(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
-                "binding: no such estimated parameter");
+        require_call(binding.parameter[i] >= 0 && binding.parameter[i] < q, "binding: no such parameter of the model");
+        require_call(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
+                     "binding: no such estimated parameter");
     }
-    require(start.size() == 0 || start.size() == binding.estimated_count, "start has {} entries, must have {} or none",
-            start.size(), binding.estimated_count);
+    require_call(start.size() == 0 || start.size() == binding.estimated_count,
+                 "start has {} entries, must have {} or none", start.size(), binding.estimated_count);
 }
 
 void ObservedChannels::check_clock() const {
@@ -39,24 +41,24 @@ std::vector<ObservedCoordinate> ObservedChannels::chosen(std::vector<std::string
     if (names.empty())
         for (const SeriesCoordinate& coordinate : series_.coordinates)
             names.push_back(coordinate.name);
-    require(!names.empty(), "at least one coordinate must be observed");
+    require_call(!names.empty(), "at least one coordinate must be observed");
     std::vector<ObservedCoordinate> observed;
     for (const std::string& name : names) {
         const auto found = std::find_if(series_.coordinates.begin(), series_.coordinates.end(),
                                         [&](const SeriesCoordinate& c) { return c.name == name; });
         require(found != series_.coordinates.end(), "the series has no coordinate {}", name);
         const Index index = system_.coordinate_index(name);
-        require(index >= 0, "model {} has no coordinate {}", system_.name(), name);
-        require(std::none_of(observed.begin(), observed.end(),
-                             [&](const ObservedCoordinate& o) { return o.coordinate == index; }),
-                "coordinate {} is observed twice", name);
+        require_call(index >= 0, "model {} has no coordinate {}", system_.name(), name);
+        require_call(std::none_of(observed.begin(), observed.end(),
+                                  [&](const ObservedCoordinate& o) { return o.coordinate == index; }),
+                     "coordinate {} is observed twice", name);
         observed.push_back({found - series_.coordinates.begin(), index, 0, false});
     }
     return observed;
 }
 
 void ObservedChannels::check_count(std::size_t errors, std::string_view what, std::size_t observed) const {
-    require(errors == 0 || errors == observed, "{} error {} for {} observed coordinates", errors, what, observed);
+    require_call(errors == 0 || errors == observed, "{} error {} for {} observed coordinates", errors, what, observed);
 }
 
 void ObservedChannels::choose_segments(std::vector<std::size_t>& segments) const {
@@ -67,8 +69,8 @@ void ObservedChannels::choose_segments(std::vector<std::size_t>& segments) const
     }
     require(!segments.empty(), "the series has no segment");
     for (auto s = segments.begin(); s != segments.end(); ++s) {
-        require(*s < count, "segment {} does not exist; the series has {}", *s, count);
-        require(std::find(segments.begin(), s, *s) == s, "segment {} is named twice", *s);
+        require_call(*s < count, "segment {} does not exist; the series has {}", *s, count);
+        require_call(std::find(segments.begin(), s, *s) == s, "segment {} is named twice", *s);
     }
 }
 
@@ -82,9 +84,9 @@ void ObservedChannels::check_form(const ErrorForm& form, const models::Sensor& s
 std::vector<std::shared_ptr<const models::System>> ObservedChannels::with_inputs(
     const std::vector<std::shared_ptr<const models::InputSignal>>& signals, const models::Sensor& sensor) const {
     require(signals.empty() || !system_.inputs().empty(), "model {} reads no measured inputs", system_.name());
-    require(signals.size() == (system_.inputs().empty() ? 0 : series_.segments.size()),
-            "model {} reads measured inputs: {} signals for {} segments", system_.name(), signals.size(),
-            series_.segments.size());
+    require_call(signals.size() == (system_.inputs().empty() ? 0 : series_.segments.size()),
+                 "model {} reads measured inputs: {} signals for {} segments", system_.name(), signals.size(),
+                 series_.segments.size());
     // Rounding of times is forgiven, as the flow does.
     constexpr double slack = 1e-12;
     const double delay = sensor.type == models::Sensor::Type::angle_difference ? sensor.delay : 0.0;

@@ -18,17 +18,23 @@
 
 namespace orbid::orbits {
 
-/// What a residual of a recorded series observes: checks and choices common to all of them. Every check throws
-/// std::invalid_argument; the message begins with `who`.
+/// What a residual of a recorded series observes: checks and choices common to all of them. Checks of the record throw
+/// DataError, those of the call std::invalid_argument; the message begins with `who`.
 class ObservedChannels {
 public:
     /// @param system  and `series`: outlive this object.
     ObservedChannels(std::string_view who, const models::System& system, const Series& series)
         : who_(who), system_(system), series_(series) {}
 
+    /// @throws DataError
     template <class... Values>
     void require(bool rule, fmt::format_string<Values...> message, Values&&... values) const {
-        if (!rule) refuse(fmt::format(message, std::forward<Values>(values)...));
+        if (!rule) refuse(false, fmt::format(message, std::forward<Values>(values)...));
+    }
+    /// @throws std::invalid_argument
+    template <class... Values>
+    void require_call(bool rule, fmt::format_string<Values...> message, Values&&... values) const {
+        if (!rule) refuse(true, fmt::format(message, std::forward<Values>(values)...));
     }
     /// @param start  of the estimated parameters; may be empty.
     void check_binding(const models::ParameterBinding& binding, const Eigen::VectorXd& start) const;
@@ -54,7 +60,7 @@ public:
                                          const std::vector<ErrorForm>& forms) const;
 
 private:
-    [[noreturn]] void refuse(const std::string& message) const;
+    [[noreturn]] void refuse(bool call, const std::string& message) const;
 
     std::string_view who_;
     const models::System& system_;

@@ -34,7 +34,7 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
         refuse_if(!rule, "prediction residual: {}", message);
     };
     require(!systems_.empty() && systems_.front() != nullptr, "a system is needed");
-    require(!transitions_.empty(), "the record has no two successive states");
+    refuse_record_if(transitions_.empty(), "prediction residual: the record has no two successive states");
     require(start.size() == binding_.estimated_count,
             fmt::format("start has {} entries, must have {}", start.size(), binding_.estimated_count));
     const Index n = systems_.front()->dimension();

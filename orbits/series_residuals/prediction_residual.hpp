@@ -35,7 +35,7 @@ class PredictionResidual final : public estimator::Residual {
 public:
     /// @param systems  one; of models with measured inputs one per segment of the series.
     /// @param start    the estimator's vector at the start, where amplifications are taken first.
-    /// @throws std::invalid_argument without transitions, or on wrong shapes.
+    /// @throws DataError without transitions; std::invalid_argument on wrong shapes.
     PredictionResidual(std::vector<std::shared_ptr<const models::System>> systems, models::ParameterBinding binding,
                        std::vector<Transition> transitions, models::Clock clock, const Eigen::VectorXd& start,
                        PredictionOptions options = {});

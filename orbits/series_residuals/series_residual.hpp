@@ -84,13 +84,15 @@ struct SegmentPrediction {
 class SeriesResidual final : public estimator::Residual {
 public:
     /// @param binding  which entries of the estimator's vector are which parameters of the system.
-    /// @throws std::invalid_argument naming value and rule: a section instead of samples, coordinates that the model or
-    ///         the series does not have, segments that do not exist or are named twice, no segment left, a segment
-    ///         with fewer samples than free coordinates of its initial state, intervals that differ between segments
-    ///         by more than 5 %, wrong lengths, sd of a prior not > 0; log-normal or relative errors of an angle,
-    ///         log-normal errors of a reading that is not > 0, known sds that the series does not have, a full
-    ///         covariance of coordinates that are not read at the same samples, indices of initial values that no
-    ///         estimated parameter has, inputs that are missing, not asked for or too short.
+    /// @throws DataError naming value and rule: a section instead of samples, coordinates that the series does not
+    /// have,
+    ///         no segment left, a segment with fewer samples than free coordinates of its initial state, intervals that
+    ///         differ between segments by more than 5 %; log-normal or relative errors of an angle, log-normal errors
+    ///         of a reading that is not > 0, known sds that the series does not have, a full covariance of coordinates
+    ///         that are not read at the same samples, inputs that are not asked for or too short.
+    /// @throws std::invalid_argument for coordinates that the model does not have, segments that do not exist or are
+    ///         named twice, wrong lengths, sd of a prior not > 0, indices of initial values that no estimated parameter
+    ///         has, inputs that are missing.
     SeriesResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
                    SeriesResidualOptions options);
 
@@ -155,6 +157,7 @@ private:
 
     [[nodiscard]] ObservedChannels channels() const;
     void require(bool rule, const std::string& message) const;
+    void require_call(bool rule, const std::string& message) const;
     void choose_coordinates();
     void choose_segments();
     void check_binding() const;

@@ -51,6 +51,10 @@ void SeriesResidual::require(bool rule, const std::string& message) const {
     channels().require(rule, "{}", message);
 }
 
+void SeriesResidual::require_call(bool rule, const std::string& message) const {
+    channels().require_call(rule, "{}", message);
+}
+
 ObservedChannels SeriesResidual::channels() const {
     return {"series residual", *system_, series_};
 }
@@ -67,19 +71,20 @@ void SeriesResidual::check_binding() const {
 
 void SeriesResidual::check_rules() const {
     const auto& rules = options_.initial;
-    require(rules.empty() || std::ssize(rules) == system_->dimension(),
-            fmt::format("{} rules for the initial state, the model has {} coordinates", rules.size(),
-                        system_->dimension()));
+    require_call(rules.empty() || std::ssize(rules) == system_->dimension(),
+                 fmt::format("{} rules for the initial state, the model has {} coordinates", rules.size(),
+                             system_->dimension()));
     for (std::size_t i = 0; i < rules.size(); ++i) {
         const auto name = system_->coordinates()[i].name;
-        require(std::isfinite(rules[i].value), fmt::format("initial {}: value must be a finite number", name));
-        require(!rules[i].start || std::isfinite(*rules[i].start),
-                fmt::format("initial {}: start must be a finite number", name));
-        require(rules[i].kind != InitialStateRule::Kind::normal || (rules[i].sd > 0.0 && std::isfinite(rules[i].sd)),
-                fmt::format("initial {}: sd of the prior is {}, must be > 0", name, rules[i].sd));
+        require_call(std::isfinite(rules[i].value), fmt::format("initial {}: value must be a finite number", name));
+        require_call(!rules[i].start || std::isfinite(*rules[i].start),
+                     fmt::format("initial {}: start must be a finite number", name));
+        require_call(
+            rules[i].kind != InitialStateRule::Kind::normal || (rules[i].sd > 0.0 && std::isfinite(rules[i].sd)),
+            fmt::format("initial {}: sd of the prior is {}, must be > 0", name, rules[i].sd));
         for (const Eigen::Index parameter : rules[i].parameters) {
-            require(parameter >= 0 && parameter < binding_.estimated_count,
-                    fmt::format("initial {}: no such estimated parameter", name));
+            require_call(parameter >= 0 && parameter < binding_.estimated_count,
+                         fmt::format("initial {}: no such estimated parameter", name));
         }
     }
 }
@@ -98,8 +103,8 @@ void SeriesResidual::check_forms() const {
 void SeriesResidual::check_covariances() const {
     for (const estimator::JointCovariance& covariance : options_.covariances) {
         for (const int group : covariance.groups) {
-            require(group >= 0 && group < static_cast<int>(observed_.size()),
-                    fmt::format("full covariance: there is no observed coordinate {}", group));
+            require_call(group >= 0 && group < static_cast<int>(observed_.size()),
+                         fmt::format("full covariance: there is no observed coordinate {}", group));
         }
         for (const Block& block : blocks_) {
             std::vector<std::vector<Eigen::Index>> samples(covariance.groups.size());
@@ -142,8 +147,8 @@ void SeriesResidual::choose_segments() {
     channels().choose_segments(chosen);
     for (const std::size_t s : chosen) {
         const Segment& segment = series_.segments[s];
-        require(segment.values.rows() == series_.dimension() && segment.times.size() == segment.values.cols(),
-                fmt::format("segment {}: values and times do not fit the series", segment.label));
+        require_call(segment.values.rows() == series_.dimension() && segment.times.size() == segment.values.cols(),
+                     fmt::format("segment {}: values and times do not fit the series", segment.label));
         const double interval = median_interval(segment);
         if (s == chosen.front()) interval_ = interval;
         require(std::abs(interval - interval_) <= interval_tolerance * interval_,
@@ -152,7 +157,7 @@ void SeriesResidual::choose_segments() {
     }
     for (const Eigen::Index i : given_) {
         const auto& parameters = options_.initial[static_cast<std::size_t>(i)].parameters;
-        require(
+        require_call(
             parameters.size() == chosen.size(),
             fmt::format("initial {}: {} parameters for {} segments",
                         system_->coordinates()[static_cast<std::size_t>(i)].name, parameters.size(), chosen.size()));

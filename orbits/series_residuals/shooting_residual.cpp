@@ -65,10 +65,11 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
                       data.series.segments[s].label, samples.size(), data.system().dimension(), states.cols(),
                       states.rows());
         }
-        refuse_if(!states.allFinite(),
-                  "shooting residual: segment {}: readings do not tell the states: a section needs all coordinates of "
-                  "the model, samples one at least",
-                  data.series.segments[s].label);
+        refuse_record_if(
+            !states.allFinite(),
+            "shooting residual: segment {}: readings do not tell the states: a section needs all coordinates of "
+            "the model, samples one at least",
+            data.series.segments[s].label);
         for (Index k = 0; k < states.cols(); ++k, ++b)
             initial_.latents[b] = states.col(k);
     }

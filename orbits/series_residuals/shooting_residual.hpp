@@ -57,11 +57,12 @@ struct ShootingOptions {
 /// tightens it. Sets are intermediate stages until the requested tightness is reached.
 class ShootingResidual final : public estimator::Residual {
 public:
-    /// @throws std::invalid_argument naming value and rule: coordinates or segments that do not exist or are named
-    ///         twice, segments without a reading, sections of an autonomous flow without times, an unread coordinate
-    ///         that no slope determines (sections) when no nodes are given, wrong lengths, an angle_difference sensor
-    ///         whose angle is not observed or with known sds, log-normal or relative errors of an angle, autoregressive
-    ///         errors (they would end at every node), interval < 0, measured inputs that are missing.
+    /// @throws DataError naming value and rule: segments without a reading, sections of an autonomous flow without
+    ///         times, an unread coordinate that no slope determines (sections) when no nodes are given, an
+    ///         angle_difference sensor whose angle is not observed or with known sds, log-normal or relative errors of
+    ///         an angle, autoregressive errors (they would end at every node).
+    /// @throws std::invalid_argument for coordinates or segments that do not exist or are named twice, wrong lengths,
+    ///         interval < 0, measured inputs that are missing.
     ShootingResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding, Series series,
                      ShootingOptions options);
 

@@ -23,9 +23,9 @@ void choose_segments(const ObservedChannels& channels, const Series& series, std
     channels.choose_segments(chosen);
     for (const std::size_t s : chosen) {
         const Segment& segment = series.segments[s];
-        channels.require(segment.values.rows() == series.dimension() && segment.values.cols() > 0 &&
-                             (segment.times.size() == 0 || segment.times.size() == segment.values.cols()),
-                         "segment {}: values and times do not fit the series", segment.label);
+        channels.require_call(segment.values.rows() == series.dimension() && segment.values.cols() > 0 &&
+                                  (segment.times.size() == 0 || segment.times.size() == segment.values.cols()),
+                              "segment {}: values and times do not fit the series", segment.label);
         channels.require(segment.values.array().isFinite().any(), "segment {} has no reading", segment.label);
     }
 }
@@ -85,16 +85,16 @@ void check_known_sds(const ObservedChannels& channels, const Series& series, con
 void ShootingResidual::check_matching() const {
     const ObservedChannels channels(shooting_messages, data_->system(), data_->series);
     const Index n = data_->system().dimension();
-    channels.require(matching_.sd.size() == 0 || matching_.sd.size() == n, "{} matching sds for {} coordinates",
-                     matching_.sd.size(), n);
+    channels.require_call(matching_.sd.size() == 0 || matching_.sd.size() == n, "{} matching sds for {} coordinates",
+                          matching_.sd.size(), n);
     for (const double sd : matching_.sd)
-        channels.require(sd > 0.0 && std::isfinite(sd), "a matching sd is {}, must be > 0", sd);
-    channels.require(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
-                     "matching with an error of its own needs its sds, or to estimate them");
-    channels.require(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
-                     "exact matching has no sd that could be estimated: choose normal or Student's t");
-    channels.require(!matching_.constraints || matching_.kind == Continuity::Kind::exact,
-                     "only exact matching can be done by constraints");
+        channels.require_call(sd > 0.0 && std::isfinite(sd), "a matching sd is {}, must be > 0", sd);
+    channels.require_call(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
+                          "matching with an error of its own needs its sds, or to estimate them");
+    channels.require_call(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
+                          "exact matching has no sd that could be estimated: choose normal or Student's t");
+    channels.require_call(!matching_.constraints || matching_.kind == Continuity::Kind::exact,
+                          "only exact matching can be done by constraints");
 }
 
 std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<const models::System> system,
@@ -107,7 +107,7 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     channels.require(
         series.sampling != Series::Sampling::section || system->kind() != models::Kind::autonomous || series.timed(),
         "crossings of the autonomous model {} need their times", system->name());
-    channels.require(options.interval >= 0, "interval is {}, must be > 0, or 0 to be chosen", options.interval);
+    channels.require_call(options.interval >= 0, "interval is {}, must be > 0, or 0 to be chosen", options.interval);
     choose_segments(channels, series, options.segments);
     auto data = std::make_shared<Data>();
     data->observed = choose_coordinates(channels, options);

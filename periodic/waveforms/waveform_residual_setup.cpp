@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "models/arithmetic/median.hpp"
+#include "models/definition/wrong_data.hpp"
 #include "periodic/orbit/eigen_names.hpp"
 #include "periodic/waveforms/waveform_residual.hpp"
 
@@ -27,6 +28,11 @@ constexpr double covered_share = 0.9;
 
 void require(bool rule, const std::string& message) {
     if (!rule) throw std::invalid_argument("waveform residual: " + message);
+}
+
+/// The same of the data.
+void require_of_record(bool rule, const std::string& message) {
+    if (!rule) throw models::DataError("waveform residual: " + message);
 }
 
 double median_interval(const VectorXd& times) {
@@ -50,15 +56,15 @@ template <class Need>
 void check_start(const models::System& system, const models::ParameterBinding& binding, const VectorXd& start,
                  const Need& need) {
     const auto q = std::ssize(system.parameters());
-    need(binding.base.size() == q,
-         fmt::format("binding: {} values, model {} has {} parameters", binding.base.size(), system.name(), q));
-    need(binding.parameter.size() == binding.estimated.size(), "binding: lists of different lengths");
-    need(start.size() == binding.estimated_count,
-         fmt::format("{} parameters at the start, must be {}", start.size(), binding.estimated_count));
+    require(binding.base.size() == q,
+            fmt::format("binding: {} values, model {} has {} parameters", binding.base.size(), system.name(), q));
+    require(binding.parameter.size() == binding.estimated.size(), "binding: lists of different lengths");
+    require(start.size() == binding.estimated_count,
+            fmt::format("{} parameters at the start, must be {}", start.size(), binding.estimated_count));
     for (std::size_t i = 0; i < binding.parameter.size(); ++i) {
-        need(binding.parameter[i] >= 0 && binding.parameter[i] < q, "binding: no such parameter of the model");
-        need(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
-             "binding: no such estimated parameter");
+        require(binding.parameter[i] >= 0 && binding.parameter[i] < q, "binding: no such parameter of the model");
+        require(binding.estimated[i] >= 0 && binding.estimated[i] < binding.estimated_count,
+                "binding: no such estimated parameter");
     }
     const VectorXd theta = binding.values(start);
     for (Index i = 0; i < q; ++i) {
@@ -121,7 +127,9 @@ void WaveformResidual::check_channels() const {
 }
 
 void WaveformResidual::check_record(const WaveformRecord& record) const {
-    const auto need = [&](bool rule, const std::string& message) { require(rule, record.label + ": " + message); };
+    const auto need = [&](bool rule, const std::string& message) {
+        require_of_record(rule, record.label + ": " + message);
+    };
     check_start(*system_, record.binding, options_.start, need);
     const VectorXd theta = record.binding.values(options_.start);
     const auto channels = std::ssize(options_.channels);
@@ -176,7 +184,9 @@ void WaveformResidual::check_record(const WaveformRecord& record) const {
 }
 
 void WaveformResidual::check_readings(const WaveformRecord& record) const {
-    const auto need = [&](bool rule, const std::string& message) { require(rule, record.label + ": " + message); };
+    const auto need = [&](bool rule, const std::string& message) {
+        require_of_record(rule, record.label + ": " + message);
+    };
     const bool sds = record.deviations.size() > 0;
     need(!sds || (record.deviations.rows() == record.values.rows() && record.deviations.cols() == record.values.cols()),
          "known sds must have the shape of the values");
@@ -214,7 +224,7 @@ void WaveformResidual::check_covariances() const {
             for (const WaveformRecord& record : records_) {
                 const auto first = record.values.row(covariance.groups.front()).array();
                 const auto other = record.values.row(group).array();
-                require(
+                require_of_record(
                     ((first == first) == (other == other)).all(),
                     fmt::format("{}: channels with a full covariance must be read at the same samples", record.label));
             }

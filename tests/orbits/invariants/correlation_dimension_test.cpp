@@ -174,7 +174,7 @@ TEST_CASE("correlation dimensions refuse what they cannot mean", "[orbits][corre
                       tests::ContainsSubstring("points must be at least"));
     auto constant = series;
     constant.segments[0].values.setConstant(1.0);
-    CHECK_THROWS_AS(correlation_dimension(constant), std::invalid_argument);
+    CHECK_THROWS_AS(correlation_dimension(constant), orbits::DataError);
 }
 
 TEST_CASE("invariants of a series with its cycles", "[orbits][correlation]") {

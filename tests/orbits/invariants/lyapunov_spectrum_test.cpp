@@ -206,7 +206,7 @@ TEST_CASE("spectra refuse what they cannot mean", "[orbits][lyapunov]") {
     single.segments.clear();
     for (Eigen::Index i = 0; i < 1500; ++i)
         single.segments.push_back({"", series.segments[0].values.col(i), {}});
-    CHECK_THROWS_AS(lyapunov_spectrum(single), std::invalid_argument);
+    CHECK_THROWS_AS(lyapunov_spectrum(single), orbits::DataError);
     auto pairs = series;
     pairs.segments.clear();
     for (Eigen::Index i = 0; i < 1000; ++i)
@@ -214,7 +214,7 @@ TEST_CASE("spectra refuse what they cannot mean", "[orbits][lyapunov]") {
     CHECK_THROWS_WITH(lyapunov_spectrum(pairs), tests::ContainsSubstring("longer than 40 steps"));
     auto constant = series;
     constant.segments[0].values.row(1).setConstant(1.0);
-    CHECK_THROWS_AS(lyapunov_spectrum(constant), std::invalid_argument);
+    CHECK_THROWS_AS(lyapunov_spectrum(constant), orbits::DataError);
 }
 
 }  // namespace lyapunov_spectrum_test

@@ -112,16 +112,22 @@ TEST_CASE("the sd of an error follows its distribution", "[orbits]") {
 }
 
 TEST_CASE("errors that the readings cannot have are refused", "[orbits]") {
-    const auto refused = [](auto&& change, const std::string& rule) {
+    const auto refused_with = []<class Error>(std::type_identity<Error>, auto&& change, const std::string& rule) {
         Series series = populations();
         SeriesResidualOptions options;
         change(series, options);
-        CHECK_THROWS_AS(residual_with(options, series), std::invalid_argument);
+        CHECK_THROWS_AS(residual_with(options, series), Error);
         CHECK_THROWS_WITH(residual_with(options, series), ContainsSubstring(rule));
+    };
+    const auto refused = [&](auto&& change, const std::string& rule) {
+        refused_with(std::type_identity<orbits::DataError>{}, change, rule);
+    };
+    const auto refused_call = [&](auto&& change, const std::string& rule) {
+        refused_with(std::type_identity<std::invalid_argument>{}, change, rule);
     };
     using S = Series;
     using O = SeriesResidualOptions;
-    refused([](S&, O& o) { o.forms.resize(1); }, "1 error distributions for 2 observed");
+    refused_call([](S&, O& o) { o.forms.resize(1); }, "1 error distributions for 2 observed");
     refused(
         [](S& s, O& o) {
             s.segments[1].values(0, 2) = 0.0;
@@ -129,21 +135,21 @@ TEST_CASE("errors that the readings cannot have are refused", "[orbits]") {
         },
         "segment 1: log-normal errors of u: reading 2 is 0, must be > 0");
     refused([](S&, O& o) { o.forms = {{estimator::RelativeErrors{}, 0.0, true}, {}}; }, "known sds go with normal");
-    refused([](S&, O& o) { o.covariances = {{{0, 2}, 0.0, {}}}; }, "there is no observed coordinate 2");
+    refused_call([](S&, O& o) { o.covariances = {{{0, 2}, 0.0, {}}}; }, "there is no observed coordinate 2");
     refused(
         [](S& s, O& o) {
             s.segments[0].values(1, 3) = std::numeric_limits<double>::quiet_NaN();
             o.covariances = {{{0, 1}, 0.0, {}}};
         },
         "segment 0: the coordinates of a full covariance must be read at the same samples");
-    refused(
+    refused_call(
         [](S&, O& o) {
             o.initial.resize(2);
             o.initial[0].kind = InitialStateRule::Kind::parameter;
             o.initial[0].parameters = {0};
         },
         "initial u: 1 parameters for 2 segments");
-    refused(
+    refused_call(
         [](S&, O& o) {
             o.initial.resize(2);
             o.initial[0].kind = InitialStateRule::Kind::parameter;

@@ -367,14 +367,20 @@ TEST_CASE("series that cannot be fitted are refused with value and rule", "[orbi
     const auto system = models::make_system("free_pendulum");
     const Series good = swing(*system, 50, 2);
     const auto b = binding(*system, swing_parameters, {"c1"});
-    const auto refused = [&](auto change, const std::string& rule) {
+    const auto refused_with = [&]<class Error>(std::type_identity<Error>, auto change, const std::string& rule) {
         Series series = good;
         SeriesResidualOptions options;
         auto bound = b;
         change(series, options, bound);
         CAPTURE(rule);
-        CHECK_THROWS_AS(SeriesResidual(system, bound, series, options), std::invalid_argument);
+        CHECK_THROWS_AS(SeriesResidual(system, bound, series, options), Error);
         CHECK_THROWS_WITH(SeriesResidual(system, bound, series, options), ContainsSubstring(rule));
+    };
+    const auto refused = [&](auto change, const std::string& rule) {
+        refused_with(std::type_identity<orbits::DataError>{}, change, rule);
+    };
+    const auto refused_call = [&](auto change, const std::string& rule) {
+        refused_with(std::type_identity<std::invalid_argument>{}, change, rule);
     };
     using S = Series;
     using O = SeriesResidualOptions;
@@ -382,23 +388,23 @@ TEST_CASE("series that cannot be fitted are refused with value and rule", "[orbi
     refused([](S& s, O&, B&) { s.sampling = Series::Sampling::section; }, "holds sections");
     refused([](S& s, O&, B&) { s.segments.clear(); }, "no segment");
     refused([](S&, O& o, B&) { o.observe = {"psi"}; }, "the series has no coordinate psi");
-    refused([](S& s, O&, B&) { s.coordinates[0].name = "psi"; }, "model free_pendulum has no coordinate psi");
-    refused([](S&, O& o, B&) { o.observe = {"phi", "phi"}; }, "phi is observed twice");
-    refused([](S&, O& o, B&) { o.segments = {2}; }, "segment 2 does not exist; the series has 2");
-    refused([](S&, O& o, B&) { o.segments = {1, 1}; }, "segment 1 is named twice");
+    refused_call([](S& s, O&, B&) { s.coordinates[0].name = "psi"; }, "model free_pendulum has no coordinate psi");
+    refused_call([](S&, O& o, B&) { o.observe = {"phi", "phi"}; }, "phi is observed twice");
+    refused_call([](S&, O& o, B&) { o.segments = {2}; }, "segment 2 does not exist; the series has 2");
+    refused_call([](S&, O& o, B&) { o.segments = {1, 1}; }, "segment 1 is named twice");
     refused([](S& s, O&, B&) { s.segments[1].times *= 2.0; }, "one interval is needed");
-    refused([](S& s, O&, B&) { s.segments[1].times.resize(3); }, "do not fit");
+    refused_call([](S& s, O&, B&) { s.segments[1].times.resize(3); }, "do not fit");
     refused([](S& s, O&, B&) { s.segments[1].values.setConstant(std::nan("")); }, "segment 1 has 0 samples");
-    refused([](S&, O& o, B&) { o.errors.resize(1); }, "1 error scales for 2 observed");
-    refused([](S&, O& o, B&) { o.initial.resize(1); }, "1 rules for the initial state");
-    refused(
+    refused_call([](S&, O& o, B&) { o.errors.resize(1); }, "1 error scales for 2 observed");
+    refused_call([](S&, O& o, B&) { o.initial.resize(1); }, "1 rules for the initial state");
+    refused_call(
         [](S&, O& o, B&) {
             o.initial = {{InitialStateRule::Kind::normal, 0.0, 0.0, std::nullopt}, {}};
         },
         "initial phi: sd of the prior is 0, must be > 0");
-    refused([](S&, O& o, B&) { o.start = Eigen::VectorXd::Zero(2); }, "start has 2 entries, must have 1");
-    refused([](S&, O&, B& x) { x.base.resize(2); }, "base has 2 parameters");
-    refused([](S&, O&, B& x) { x.parameter[0] = 9; }, "no such parameter");
+    refused_call([](S&, O& o, B&) { o.start = Eigen::VectorXd::Zero(2); }, "start has 2 entries, must have 1");
+    refused_call([](S&, O&, B& x) { x.base.resize(2); }, "base has 2 parameters");
+    refused_call([](S&, O&, B& x) { x.parameter[0] = 9; }, "no such parameter");
 
     const auto forced = models::make_system("parametric_pendulum");
     SeriesResidualOptions options;
