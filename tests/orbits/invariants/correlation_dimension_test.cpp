@@ -6,6 +6,7 @@
 
 #include "orbits/invariants/correlation_sum.hpp"
 #include "orbits/invariants/invariants.hpp"
+#include "orbits/records/data_error.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 

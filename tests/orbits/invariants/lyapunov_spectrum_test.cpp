@@ -7,6 +7,7 @@
 
 #include "models/catalogue/registry.hpp"
 #include "orbits/invariants/sample_stride.hpp"
+#include "orbits/records/data_error.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/true_cycles.hpp"
