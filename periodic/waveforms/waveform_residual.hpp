@@ -56,11 +56,12 @@ public:
     /// @throws std::invalid_argument naming value and rule. Model: a map, or one with measured inputs. No record or
     ///         channel, bindings and starts of wrong lengths, options out of range.
     /// @throws models::DataError naming record, value and rule. Data: wrong shapes; times that do not ascend; a record
-    ///         shorter than its orbit, or with fewer readings than unknown phase and offsets. Orbit: a period out of [1, 64] or an autonomous flow with
-    ///         one; T of an autonomous flow not given, or its phase; a phase beyond whole turns of the orbit. Errors:
-    ///         intervals that differ by more than 5 % where errors are autoregressive; log-normal or relative errors of
-    ///         an angle, log-normal errors of a reading not > 0; known sds that are missing; a full covariance of
-    ///         channels that are not read at the same samples. Also parameters of `start` outside their domain.
+    ///         shorter than its orbit, or with fewer readings than unknown phase and offsets. Orbit: a period out of
+    ///         [1, 64] or an autonomous flow with one; T of an autonomous flow not given, or its phase; a phase beyond
+    ///         whole turns of the orbit. Errors: intervals that differ by more than 5 % where errors are
+    ///         autoregressive; log-normal or relative errors of an angle, log-normal errors of a reading not > 0; known
+    ///         sds that are missing; a full covariance of channels that are not read at the same samples. Also
+    ///         parameters of `start` outside their domain.
     WaveformResidual(std::shared_ptr<const models::System> system, std::vector<WaveformRecord> records,
                      WaveformOptions options);
 
