@@ -52,12 +52,16 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
             models::divide_by_upper_in_place(q_theta, triangle_);
             q.rightCols(rank_) = q_theta;
         }
-        const int pieces = cluster[b].empty() ? 0 : 1 + *std::max_element(cluster[b].begin(), cluster[b].end());
-        for (int c = 0; c < pieces; ++c) {
+        const auto pieces = cluster[b].empty()
+                                ? 0
+                                : static_cast<std::size_t>(1 + *std::max_element(cluster[b].begin(), cluster[b].end()));
+        std::vector<std::vector<Eigen::Index>> members(pieces);
+        for (Eigen::Index i = 0; i < q.rows(); ++i)
+            members[static_cast<std::size_t>(own_cluster[static_cast<std::size_t>(i)])].push_back(i);
+        for (std::size_t c = 0; c < pieces; ++c) {
             Part part{b, Eigen::MatrixXd::Zero(l + rank_, l + rank_), {}};
             Eigen::VectorXd score = Eigen::VectorXd::Zero(l + rank_);
-            for (Eigen::Index i = 0; i < q.rows(); ++i) {
-                if (own_cluster[static_cast<std::size_t>(i)] != c) continue;
+            for (const Eigen::Index i : members[c]) {
                 part.gram.noalias() += q.row(i).transpose() * q.row(i);
                 score += q.row(i).transpose() * whitened_rows(i, whitened_rows.cols() - 1);
             }
@@ -80,26 +84,30 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
 double Sandwich::degrees_of_freedom(const Eigen::VectorXd& direction) const {
     Eigen::VectorXd c = direction;
     models::solve_transposed_upper_in_place(triangle_, c);
-    std::vector<Eigen::VectorXd> projected;
-    std::vector<double> square;
-    for (const Part& part : parts_) {
-        Eigen::VectorXd padded = Eigen::VectorXd::Zero(part.gram.rows());
-        padded.tail(rank_) = c;
-        const Eigen::VectorXd g = part.root * padded;
-        projected.emplace_back(part.gram * g);
-        square.push_back(g.dot(projected.back()));
-    }
+    // With p_i = gram_i g_i the matrix has the entries g_i.p_i - p_i.p_i and -p_i.p_j; of clusters of different blocks
+    // the parameters alone are shared. The sum of their squares over all pairs is that of a matrix sum p p^T.
     double trace = 0.0;
     double norm = 0.0;
-    for (std::size_t i = 0; i < parts_.size(); ++i)
-        for (std::size_t j = 0; j < parts_.size(); ++j) {
-            const double shared = parts_[i].block == parts_[j].block
-                                      ? projected[i].dot(projected[j])
-                                      : projected[i].tail(rank_).dot(projected[j].tail(rank_));
-            const double entry = (i == j ? square[i] : 0.0) - shared;
-            norm += entry * entry;
-            if (i == j) trace += entry;
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(rank_, rank_);
+    for (std::size_t first = 0, last = 0; first < parts_.size(); first = last) {
+        Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(parts_[first].gram.rows(), parts_[first].gram.rows());
+        for (last = first; last < parts_.size() && parts_[last].block == parts_[first].block; ++last) {
+            const Part& part = parts_[last];
+            Eigen::VectorXd padded = Eigen::VectorXd::Zero(part.gram.rows());
+            padded.tail(rank_) = c;
+            const Eigen::VectorXd g = part.root * padded;
+            const Eigen::VectorXd p = part.gram * g;
+            const double own = p.squaredNorm();
+            const double entry = g.dot(p) - own;
+            trace += entry;
+            norm += entry * entry - own * own;
+            sum.noalias() += p * p.transpose();
         }
+        const auto shared = sum.bottomRightCorner(rank_, rank_);
+        norm += sum.squaredNorm() - shared.squaredNorm();
+        all += shared;
+    }
+    norm += all.squaredNorm();
     return norm > 0.0 ? std::max(1.0, trace * trace / norm) : 1.0;
 }
 
