@@ -63,6 +63,8 @@ MappedResidual::MappedResidual(const Residual& inner, ParameterMap map, MappedRe
       options_(std::move(options)),
       initial_(options_.active ? *options_.active : inner.initial_set()) {
     override_errors(initial_);
+    // A set that does not change leads nowhere: it is minimised to the end.
+    if (options_.active) initial_.is_intermediate_stage = false;
     if (!options_.initial_latents) return;
     const std::vector<BlockLayout>& blocks = layout();
     if (options_.initial_latents->size() != blocks.size())

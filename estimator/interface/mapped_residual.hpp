@@ -28,8 +28,8 @@ struct MappedResidualOptions {
     std::vector<ErrorOverride> errors;
     /// Latent states to start from, one vector per block of the wrapped residual; empty = its own.
     std::optional<std::vector<Eigen::VectorXd>> initial_latents;
-    /// The wrapped residual's set with which estimates begin and end: update_active_set() does nothing. Empty: its
-    /// initial one, which is updated.
+    /// The wrapped residual's set with which estimates begin and end: update_active_set() does nothing, and it is no
+    /// intermediate stage. Empty: its initial one, which is updated.
     std::optional<ActiveSet> active;
 };
 

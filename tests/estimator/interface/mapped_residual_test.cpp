@@ -215,8 +215,10 @@ TEST_CASE("updates go through, or stop at an adapter with a given set", "[estima
     options.active = inner.initial_set();
     const MappedResidual other(inner, tied(), options);
     options.active->layout[1].active = false;
+    options.active->is_intermediate_stage = true;
     const MappedResidual given(inner, tied(), options);
     active = given.initial_set();
+    CHECK_FALSE(active.is_intermediate_stage);
     CHECK_FALSE(given.update_active_set(active, Vector2d(1.0, 1.0), latents, VectorXd::Ones(1)).changed);
     CHECK(updates == 1);
     CHECK(active.layout[0].active);
