@@ -79,67 +79,40 @@ inline void fields(apps::Archive& archive, SloppyDirection& value) {
     archive(components, sd);
 }
 
-/// Parameters of a density, one to three numbers.
-template <class Prior>
-void transfer_prior(apps::Archive& archive, Prior& value) {
-    constexpr std::size_t numbers = std::is_empty_v<Prior> ? 0 : sizeof(Prior) / sizeof(double);
-    if constexpr (numbers == 1) {
+/// One of the densities that a Prior may be: one to three numbers, or none.
+template <class Density>
+requires std::is_constructible_v<Prior, Density&> &&
+    (!std::is_same_v<Density, Prior>)void fields(apps::Archive& archive, Density& value) {
+    if constexpr (std::is_empty_v<Density>) {
+        return;
+    } else if constexpr (sizeof(Density) == sizeof(double)) {
         auto& [a] = value;
         archive(a);
-    } else if constexpr (numbers == 2) {
+    } else if constexpr (sizeof(Density) == 2 * sizeof(double)) {
         auto& [a, b] = value;
         archive(a, b);
-    } else if constexpr (numbers == 3) {
+    } else {
         auto& [a, b, c] = value;
         archive(a, b, c);
     }
 }
-inline void fields(apps::Archive& archive, FlatPrior& value) {
-    transfer_prior(archive, value);
-}
-inline void fields(apps::Archive& archive, NormalPrior& value) {
-    transfer_prior(archive, value);
-}
-inline void fields(apps::Archive& archive, LogNormalPrior& value) {
-    transfer_prior(archive, value);
-}
-inline void fields(apps::Archive& archive, UniformPrior& value) {
-    transfer_prior(archive, value);
-}
-inline void fields(apps::Archive& archive, HalfNormalPrior& value) {
-    transfer_prior(archive, value);
-}
-inline void fields(apps::Archive& archive, HalfCauchyPrior& value) {
-    transfer_prior(archive, value);
-}
-inline void fields(apps::Archive& archive, GammaPrior& value) {
-    transfer_prior(archive, value);
-}
-inline void fields(apps::Archive& archive, StudentPrior& value) {
-    transfer_prior(archive, value);
-}
 
-inline void fields(apps::Archive& archive, ErrorScale& value) {
+/// The scale or another parameter of an error distribution.
+template <class Told>
+requires std::is_same_v<Told, ErrorScale> || std::is_same_v<Told, ErrorParameter>
+void fields(apps::Archive& archive, Told& value) {
     auto& [estimate, at, prior] = value;
     archive(estimate, at, prior);
 }
 
-inline void fields(apps::Archive& archive, ErrorParameter& value) {
-    auto& [estimate, at, prior] = value;
-    archive(estimate, at, prior);
-}
-
-inline void fields(apps::Archive&, NormalErrors&) {}
-inline void fields(apps::Archive& archive, StudentErrors& value) {
-    archive(value.dof);
-}
-inline void fields(apps::Archive&, LaplaceErrors&) {}
-inline void fields(apps::Archive&, LogNormalErrors&) {}
-inline void fields(apps::Archive& archive, RelativeErrors& value) {
-    archive(value.relative);
-}
-inline void fields(apps::Archive& archive, AutoregressiveErrors& value) {
-    archive(value.correlation);
+/// One of the distributions that errors may have, with the one parameter that some have.
+template <class Distribution>
+requires std::is_constructible_v<ErrorDistribution, Distribution&> &&
+    (!std::is_same_v<Distribution, ErrorDistribution>)void fields(apps::Archive& archive, Distribution& value) {
+    if constexpr (!std::is_empty_v<Distribution>) {
+        auto& [parameter] = value;
+        archive(parameter);
+    }
 }
 
 inline void fields(apps::Archive& archive, Group& value) {
