@@ -9,6 +9,9 @@
 #include <Eigen/LU>
 
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/problem/linearisation.hpp"
+#include "estimator/problem/problem.hpp"
+#include "estimator/uncertainty/sandwich.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
 
@@ -90,6 +93,61 @@ TEST_CASE("blocks as clusters: the bias-reduced sandwich of a clustered regressi
         CHECK(automatic.parameters[k].interval_method == estimator::IntervalMethod::t);
     }
     CHECK_THAT(result.covariance(0, 1), WithinRel(covariance(0, 1), 1e-10));
+}
+
+TEST_CASE("degrees of freedom of a sandwich: over all pairs of clusters, written with records", "[estimator]") {
+    constexpr Eigen::Index blocks = 3, each = 12, pieces = 4, count = blocks * each;
+    std::mt19937_64 generator(8);
+    std::normal_distribution<double> normal;
+    const auto random = [&](Eigen::Index rows, Eigen::Index columns) {
+        return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return normal(generator); }));
+    };
+    const Eigen::MatrixXd x = random(count, 2), y = random(count, 1);
+    Eigen::MatrixXd q_z = Eigen::MatrixXd::Zero(count, blocks);
+    FunctionResidual residual;
+    residual.add_group(group("y", 1.0, false));
+    for (Eigen::Index b = 0; b < blocks; ++b) {
+        const Eigen::MatrixXd z = random(each, 1);
+        q_z.block(b * each, b, each, 1) = z.normalized();
+        estimator::BlockLayout block = layout("unit " + std::to_string(b), each);
+        block.latents = 1;
+        residual.add_block(block, linear(y.middleRows(b * each, each), x.middleRows(b * each, each), z),
+                           Eigen::VectorXd::Zero(1));
+    }
+    const std::vector<estimator::ActiveSet> active{residual.initial_set()};
+    const auto problem =
+        estimator::set_up({free_parameter("a", 0.0), free_parameter("b", 0.0)}, {&residual}, active, {}, {});
+    const auto set = estimator::freeze({&residual}, active, problem.channels, problem.laws);
+    const auto state = estimator::initial_state(problem, active);
+    const auto at = estimator::evaluate({&residual}, set, problem.laws, state.theta, state.latents, true);
+    const auto rows = estimator::linearise(set, problem.laws, at.values, problem.coordinates, state.theta, false);
+
+    const Eigen::MatrixXd left = x - q_z * (q_z.transpose() * x);
+    const Eigen::MatrixXd triangle = Eigen::LLT<Eigen::MatrixXd>(left.transpose() * left).matrixU();
+    std::vector<std::vector<int>> clusters;
+    for (const estimator::ActiveBlock& block : set.blocks)
+        clusters.push_back(estimator::consecutive_clusters(block.channel, pieces));
+    const estimator::Sandwich sandwich(rows, set, clusters, problem.laws, state.psi, triangle, 1.0);
+    REQUIRE(sandwich.clusters() == blocks * pieces);
+
+    const Eigen::MatrixXd q_theta = left * triangle.inverse();
+    const Eigen::MatrixXd rest =
+        Eigen::MatrixXd::Identity(count, count) - q_z * q_z.transpose() - q_theta * q_theta.transpose();
+    for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1.0, 0.0), Eigen::Vector2d(0.3, -2.0)}) {
+        constexpr Eigen::Index size = each / pieces;
+        Eigen::MatrixXd v = Eigen::MatrixXd::Zero(count, blocks * pieces);
+        const Eigen::VectorXd weight = q_theta * triangle.transpose().inverse() * direction;
+        for (Eigen::Index c = 0; c < v.cols(); ++c)
+            v.block(c * size, c, size, 1) =
+                Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(rest.block(c * size, c * size, size, size))
+                    .operatorInverseSqrt() *
+                weight.segment(c * size, size);
+        const Eigen::MatrixXd m = v.transpose() * rest * v;
+        const double expected = m.trace() * m.trace() / m.squaredNorm();
+        CHECK(expected > 2.0);
+        CHECK(expected < 11.0);
+        CHECK_THAT(sandwich.degrees_of_freedom(direction), WithinRel(expected, 1e-10));
+    }
 }
 
 TEST_CASE("a single block cannot be clustered: Laplace, and the message says so", "[estimator]") {
