@@ -111,8 +111,8 @@ TEST_CASE("compiled equations are kept, found again, and replaced when broken", 
     CHECK(compiled.name() == "equations");
     CHECK(compiled.coordinates()[1].name == "y");
 
-    // A file that lost its end, or has a wrong byte, is not loaded but made anew. A new file takes its name: cutting the
-    // one that is loaded here would be a bus error.
+    // A file that lost its end, or has a wrong byte, is not loaded but made anew. A new file takes its name: cutting
+    // the one that is loaded here would be a bus error.
     const std::string whole = apps::read_whole_file(files[0]);
     const fs::path damaged = folder.path() / "damaged";
     std::ofstream(damaged, std::ios::binary) << whole.substr(0, whole.size() / 2);
