@@ -113,6 +113,9 @@ struct EstimateJob {
     SampleJob sample;
     ParameterChoice profile;
     ParameterChoice marginals;
+
+    /// Those of the residuals that are there, in order.
+    [[nodiscard]] std::vector<ResidualType> residual_types() const;
 };
 
 }  // namespace orbid::apps

@@ -38,12 +38,6 @@ std::vector<std::pair<std::string, ValueReader>> read_names(const ValueReader& v
     return result;
 }
 
-void ErrorUse::add_coordinates(const std::vector<Eigen::Index>& more) {
-    coordinates.insert(coordinates.end(), more.begin(), more.end());
-    std::sort(coordinates.begin(), coordinates.end());
-    coordinates.erase(std::unique(coordinates.begin(), coordinates.end()), coordinates.end());
-}
-
 std::vector<std::size_t> experiments_with(const Job& job, orbits::Series::Sampling sampling) {
     std::vector<std::size_t> experiments;
     for (std::size_t i = 0; i < job.data.size(); ++i)

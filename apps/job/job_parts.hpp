@@ -31,38 +31,6 @@ void read_estimate(ObjectReader& root, Job& job);
 /// whether the coordinate is an angle.
 [[nodiscard]] bool reads_angle(const Job& job, const std::vector<std::size_t>& data, Eigen::Index coordinate);
 
-/// Parts of estimate.
-[[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
-/// "joint_priors", after the parameters.
-void read_joint_priors(const ValueReader& value, const Job& job, EstimateJob& estimate);
-/// Names of the model's estimated parameters in the result: k2, or k2@run1 where one is free per experiment.
-[[nodiscard]] std::vector<std::string> estimated_parameter_names(
-    const Job& job, const std::vector<identification::FreeModelParameter>& parameters);
-void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate);
-/// What "auto" uses when no residuals are named: cycles if searched or given, and the data as series. Their problems
-/// are reported at `at`; `residuals` describes a list of residuals.
-void add_usual_residuals(const ValueReader& at, const ValueSchema* residuals, const Job& job, EstimateJob& estimate);
-/// "strategy" and "scan", after the residuals.
-void read_strategy(ObjectReader& object, const Job& job, EstimateJob& estimate);
-/// "criticism", after the parameters and residuals.
-void read_criticism(ObjectReader& object, const Job& job, EstimateJob& estimate);
-/// A residual of type "waveform", without its type.
-void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate);
-/// "multi_start", "posterior", "profile", "marginals"; after the parameters and residuals.
-void read_posterior(ObjectReader& object, const Job& job, EstimateJob& estimate);
-
-/// What the records allow for their errors.
-struct ErrorUse {
-    enum class Records { cycles, cycles_with_covariance, series };
-    Records records = Records::series;
-    std::vector<Eigen::Index> coordinates;         ///< with errors
-    std::vector<std::size_t> data;                 ///< series: indices into Job::data
-    estimator::ErrorScale* multipliers = nullptr;  ///< for those of "ln_multiplier"; none: not data
-
-    /// Adds those that are not there; they are kept in order.
-    void add_coordinates(const std::vector<Eigen::Index>& more);
-};
-
 /// Indices of the experiments of this sampling.
 [[nodiscard]] std::vector<std::size_t> experiments_with(const Job& job, orbits::Series::Sampling sampling);
 /// Indices of named experiments, ascending.
@@ -70,15 +38,6 @@ struct ErrorUse {
 [[nodiscard]] std::vector<std::size_t> read_experiments(
     const ValueReader& value, const Job& job,
     const std::function<void(const ValueReader& item, const DataJob& data)>& check = {});
-
-/// Errors of ln|multiplier|: a sd, or with weights "covariance" a factor on the analysis' covariance.
-[[nodiscard]] estimator::ErrorScale read_multiplier_error(const ValueReader& value);
-
-/// "errors" and "covariance" of a residual: one entry per coordinate of `use`; the others are normal with an estimated
-/// sd.
-void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job,
-                 std::vector<identification::RecordErrors>& errors,
-                 std::vector<identification::JointErrors>& covariances);
 
 /// Names of a model's parameters, coordinates or inputs.
 template <class Entry>

@@ -1,17 +1,11 @@
 #pragma once
 
-#include <string>
-#include <tuple>
-
 #include "apps/job/blocks/field_kinds.hpp"
-#include "estimator/interface/prior.hpp"
 #include "models/equations/equation_text.hpp"
 #include "periodic/search/orbit_search.hpp"
 
 namespace orbid::apps {
 
-struct SampleJob;
-struct MultiStartJob;
 struct SimulationJob;
 struct FileJob;
 struct OrbitStart;
@@ -23,8 +17,6 @@ namespace orbid::apps::describe {
 
 // The tables of blocks; schema, reader and writer walk over them.
 
-[[nodiscard]] const FieldTable<SampleJob>& sample_fields();
-[[nodiscard]] const FieldTable<MultiStartJob>& multi_start_fields();
 /// An experiment.
 [[nodiscard]] const FieldTable<DataJob>& data_fields();
 /// "simulate", read after "file", beside which it is refused.
@@ -53,21 +45,6 @@ void read_orbit_search(const ValueReader& value, const Job& job, PeriodicJob& pe
 /// "continuation" of periodic, read after the starts.
 [[nodiscard]] const FieldTable<ContinuationJob>& continuation_fields();
 void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& periodic);
-
-/// A form of prior density.
-template <class Density>
-struct DensityForm {
-    std::string name;
-    std::string text;
-    Density unset;  ///< every density allows these numbers: for those that are refused
-    FieldTable<Density> fields;
-};
-
-/// All but the flat one.
-using DensityForms = std::tuple<DensityForm<estimator::NormalPrior>, DensityForm<estimator::LogNormalPrior>,
-                                DensityForm<estimator::UniformPrior>, DensityForm<estimator::HalfNormalPrior>,
-                                DensityForm<estimator::HalfCauchyPrior>, DensityForm<estimator::GammaPrior>,
-                                DensityForm<estimator::StudentPrior>>;
-[[nodiscard]] const DensityForms& density_forms();
+[[nodiscard]] const FieldTable<EstimateJob>& estimate_fields();
 
 }  // namespace orbid::apps::describe

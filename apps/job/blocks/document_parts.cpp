@@ -52,19 +52,6 @@ Json columns_document(const Eigen::MatrixXd& matrix) {
     return json_rows(matrix.transpose());
 }
 
-Json prior_document(const estimator::Prior& prior) {
-    return std::visit(
-        []<class Density>(const Density& density) -> Json {
-            if constexpr (std::is_same_v<Density, estimator::FlatPrior>) {
-                return "flat";
-            } else {
-                const auto& form = std::get<describe::DensityForm<Density>>(describe::density_forms());
-                return {{form.name, fields_document(density, form.fields)}};
-            }
-        },
-        prior);
-}
-
 Json bounds_document(double lower, double upper) {
     const auto bound = [](double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); };
     return Json::array({bound(lower), bound(upper)});

@@ -20,7 +20,6 @@ namespace orbid::apps {
 [[nodiscard]] nlohmann::ordered_json coordinate_list(const Job& job, const std::vector<Eigen::Index>& indices);
 /// The columns of a matrix, each a list.
 [[nodiscard]] nlohmann::ordered_json columns_document(const Eigen::MatrixXd& matrix);
-[[nodiscard]] nlohmann::ordered_json prior_document(const estimator::Prior& prior);
 /// [lower, upper], null where infinite.
 [[nodiscard]] nlohmann::ordered_json bounds_document(double lower, double upper);
 /// The name of a value of an enumeration.

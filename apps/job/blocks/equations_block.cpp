@@ -197,6 +197,18 @@ FieldTable<ModelBlock> special_fields() {
 
 }  // namespace
 
+const FieldTable<EquationText::Parameter>& equation_parameter_fields() {
+    using Parameter = EquationText::Parameter;
+    static const FieldTable<Parameter> table{
+        open_field(key("value", number(), "Its value.").required_always(), &Parameter::value),
+        field(key("unit", text(), "Its unit."), &Parameter::unit),
+        choice_field(key("domain", {}, "The values that it can have."), domain_names, &Parameter::domain),
+        open_field(key("typical", above(0.0), "Its typical size; that of its value unless given."),
+                   &Parameter::typical),
+        text_field(key("description", text(), "What it is.").by_default(""), &Parameter::description)};
+    return table;
+}
+
 FieldTable<ModelBlock> equations_fields() {
     FieldTable<ModelBlock> table{
         quantities_field(key("equations", formulas_of("a coordinate"),

@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/estimate_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/data_job.hpp"
 

@@ -98,7 +98,7 @@ const ValueSchema& job_description() {
          key("orbits", object(keys_of(orbits_fields())),
              "Search for unstable periodic orbits in the section series, or a file of them."),
          key("periodic", object(keys_of(periodic_fields())), "Periodic orbits of the model itself."),
-         key("estimate", estimate_block(), "Parameters from the data."),
+         key("estimate", object(keys_of(estimate_fields())), "Parameters from the data."),
          key("reference", entries(number(), "a parameter or derived quantity"),
              "Known values: the result shows deviations from them."),
          key("output", object(keys_of(output_fields())), "What is stored.")});

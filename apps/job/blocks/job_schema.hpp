@@ -13,15 +13,10 @@ namespace describe {
 // The blocks of a job.
 [[nodiscard]] ValueSchema section_block();
 [[nodiscard]] ValueSchema data_block();
-[[nodiscard]] ValueSchema estimate_block();
 
 // Parts of several blocks.
-[[nodiscard]] ValueSchema prior();
-[[nodiscard]] ValueSchema residual();
 /// [lower, upper], null = none.
 [[nodiscard]] ValueSchema bounds();
-/// A number of this form, "estimate", or { "estimate": { "start", "prior" } }.
-[[nodiscard]] ValueSchema number_or_estimate(const ValueSchema& number);
 /// One number per coordinate.
 [[nodiscard]] ValueSchema state();
 [[nodiscard]] ValueSchema matrix();

@@ -30,7 +30,7 @@ Json job_document(const Job& job, const std::filesystem::path& folder, const Ver
         document["data"].push_back(fields_document(data, describe::data_fields(), {job, folder}));
     if (job.orbits) document["orbits"] = fields_document(*job.orbits, describe::orbits_fields(), {job, folder});
     if (job.periodic) document["periodic"] = fields_document(*job.periodic, describe::periodic_fields(), {job, folder});
-    if (job.estimate) document["estimate"] = detail::estimate_document(job);
+    if (job.estimate) document["estimate"] = fields_document(*job.estimate, describe::estimate_fields(), {job, folder});
     for (const ReferenceJob& entry : job.reference)
         document["reference"][entry.name] = entry.value;
     document["output"] = fields_document(job, describe::output_fields());

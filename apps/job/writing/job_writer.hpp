@@ -8,7 +8,6 @@
 
 #include "apps/job/job.hpp"
 #include "apps/job/version.hpp"
-#include "identification/problem/record_errors.hpp"
 
 namespace orbid::apps {
 
@@ -21,20 +20,5 @@ namespace orbid::apps {
 
 /// The document as text.
 [[nodiscard]] std::string job_text(const Job& job, const std::filesystem::path& folder, const Versions& versions = {});
-
-namespace detail {
-
-// Blocks of the document, one per file of the writer.
-[[nodiscard]] nlohmann::ordered_json estimate_document(const Job& job);
-/// "errors" and "covariance" of a residual.
-void add_errors(const Job& job, const std::vector<identification::RecordErrors>& errors,
-                const std::vector<identification::JointErrors>& covariances, nlohmann::ordered_json& residual);
-/// A sd as in "errors": a number, or { "estimate": { "start", "prior" } }.
-[[nodiscard]] nlohmann::ordered_json scale_document(const estimator::ErrorScale& scale);
-[[nodiscard]] nlohmann::ordered_json joint_priors_document(const std::vector<estimator::JointNormalPrior>& priors);
-/// A tied parameter has only its tie.
-[[nodiscard]] nlohmann::ordered_json tie_document(const estimator::FreeParameter& parameter);
-
-}  // namespace detail
 
 }  // namespace orbid::apps

@@ -2,15 +2,18 @@
 #include <cmath>
 #include <numbers>
 
+#include "apps/job/blocks/block_fields.hpp"
+#include "apps/job/blocks/estimate_fields.hpp"
+#include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/data_job.hpp"
-#include "apps/job/estimate_job.hpp"
-#include "apps/job/job_parts.hpp"
 
-namespace orbid::apps {
+namespace orbid::apps::describe {
 
 namespace {
 
+using Json = nlohmann::ordered_json;
 using Sampling = orbits::Series::Sampling;
+using Waveform = WaveformResidualJob;
 
 std::vector<std::string> experiment_names(const Job& job, const std::vector<std::size_t>& data) {
     std::vector<std::string> names;
@@ -54,58 +57,64 @@ std::vector<bool> read_per_experiment(const ValueReader& value, const Job& job, 
     return found;
 }
 
-void read_data_names(ObjectReader& object, const Job& job, WaveformResidualJob& waveform) {
-    const auto value = object.find("data");
-    if (!value) {
-        waveform.data = experiments_with(job, Sampling::samples);
-        if (waveform.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
-        return;
+/// One value for all experiments, or one per experiment.
+ValueSchema per_experiment(const ValueSchema& value) {
+    return value | entries(value, "an experiment");
+}
+
+/// One value per experiment that has some.
+template <class Write>
+Json per_experiment_document(const Waveform& waveform, const Writing& at, Write write) {
+    Json object = Json::object();
+    for (std::size_t i = 0; i < waveform.data.size(); ++i)
+        if (Json value = write(waveform.experiments[i]); !value.is_discarded())
+            object[at.job.data[waveform.data[i]].name] = std::move(value);
+    return object.empty() ? left_out() : object;
+}
+
+Json unknown_document(const periodic::WaveformUnknown& unknown) {
+    return unknown.estimate ? Json("estimate") : Json(unknown.value);
+}
+
+void use_samples(const ValueReader& value, const Job& job, Waveform& waveform) {
+    for (const auto& [name, item] : read_names(value)) {
+        const auto data = std::find_if(job.data.begin(), job.data.end(),
+                                       [&, &text = name](const DataJob& one) { return one.name == text; });
+        if (data != job.data.end() && data->sampling() == Sampling::section)
+            item.report(fmt::format("\"{}\" is a section series: a waveform needs samples in time", name));
     }
-    waveform.data = read_experiments(*value, job, [&](const ValueReader& item, const DataJob& data) {
-        if (data.sampling() == Sampling::section)
-            item.report(fmt::format("\"{}\" is a section series: a waveform needs samples in time", data.name));
-    });
     // What is wrong is reported. Otherwise every coordinate would be called unobserved.
     if (waveform.data.empty()) waveform.data = experiments_with(job, Sampling::samples);
+    waveform.experiments.resize(waveform.data.size());
 }
 
-/// "period" of forced models, "time" of autonomous ones.
-void read_length(ObjectReader& object, const Job& job, WaveformResidualJob& waveform) {
-    const bool autonomous = job.model.is(models::Kind::autonomous);
-    const auto period = object.find("period");
-    const auto time = object.find("time");
-    if (autonomous && period) {
-        period->report(
+void read_waveform_period(const ValueReader& value, const Job& job, Waveform& waveform) {
+    if (job.model.is(models::Kind::autonomous)) {
+        value.report(
             fmt::format("the model {} is not forced: give \"time\", a guess of its period in s", job.model.name));
-    } else if (period) {
-        read_per_experiment(*period, job, waveform.data, [&](const ValueReader& value, std::size_t i) {
-            value.read(waveform.experiments[i].period);
-        });
+        return;
     }
-    if (!autonomous && time) {
-        time->report(
-            fmt::format("the model {} is forced: its orbits last \"period\" periods of the forcing", job.model.name));
-    } else if (time) {
-        const auto found = read_per_experiment(*time, job, waveform.data, [&](const ValueReader& value, std::size_t i) {
-            waveform.experiments[i].time = value.number().value_or(1.0);
-        });
-        for (std::size_t i = 0; i < found.size(); ++i)
-            if (!found[i])
-                time->report(fmt::format("\"{}\" has no guess of its period", job.data[waveform.data[i]].name));
-    } else if (autonomous) {
-        object.self().report(
-            fmt::format("needs \"time\": a guess of the period in s; the model {} is autonomous and "
-                        "nothing else tells it",
-                        job.model.name));
-    }
+    read_per_experiment(value, job, waveform.data,
+                        [&](const ValueReader& one, std::size_t i) { one.read(waveform.experiments[i].period); });
 }
 
-void read_phase(ObjectReader& object, const Job& job, WaveformResidualJob& waveform) {
-    const auto phase = object.find("phase");
-    if (!phase) return;
+void read_time(const ValueReader& value, const Job& job, Waveform& waveform) {
+    if (!job.model.is(models::Kind::autonomous)) {
+        value.report(
+            fmt::format("the model {} is forced: its orbits last \"period\" periods of the forcing", job.model.name));
+        return;
+    }
+    const auto found = read_per_experiment(value, job, waveform.data, [&](const ValueReader& one, std::size_t i) {
+        waveform.experiments[i].time = one.number().value_or(1.0);
+    });
+    for (std::size_t i = 0; i < found.size(); ++i)
+        if (!found[i]) value.report(fmt::format("\"{}\" has no guess of its period", job.data[waveform.data[i]].name));
+}
+
+void read_phase(const ValueReader& phase, const Job& job, Waveform& waveform) {
     const bool autonomous = job.model.is(models::Kind::autonomous);
-    read_per_experiment(*phase, job, waveform.data, [&](const ValueReader& value, std::size_t i) {
-        WaveformResidualJob::Experiment& experiment = waveform.experiments[i];
+    read_per_experiment(phase, job, waveform.data, [&](const ValueReader& value, std::size_t i) {
+        Waveform::Experiment& experiment = waveform.experiments[i];
         if (value.is(JsonValue::Kind::string)) {
             (void)value.choice({"estimate"});
             return;
@@ -163,12 +172,25 @@ void read_offset(ObjectReader& object, const Job& job, const std::vector<ErrorJo
     }
 }
 
-/// "start": { "run1": [[...], ...] }: states at phase 0, one per period of the orbit.
-void read_starts(ObjectReader& object, const Job& job, WaveformResidualJob& waveform) {
-    const auto start = object.find("start");
-    if (!start || !job.model.system) return;
+Json offset_document(const Waveform& waveform, const Writing& at) {
+    // One value for all experiments that observe a coordinate: so they are read.
+    Json object = Json::object();
+    for (std::size_t c = 0; c < waveform.errors.size(); ++c) {
+        const Eigen::Index coordinate = waveform.errors[c].coordinate;
+        for (std::size_t i = 0; i < waveform.data.size(); ++i) {
+            if (!at.job.data[waveform.data[i]].observes(coordinate)) continue;
+            object[coordinate_name(at.job, coordinate)] = unknown_document(waveform.experiments[i].offsets[c]);
+            break;
+        }
+    }
+    return object;
+}
+
+/// { "run1": [[...], ...] }: states at phase 0, one per period of the orbit.
+void read_starts(const ValueReader& value, const Job& job, Waveform& waveform) {
+    if (!job.model.system) return;
     const auto names = experiment_names(job, waveform.data);
-    for (const auto& [name, member] : start->members()) {
+    for (const auto& [name, member] : value.members()) {
         const auto at = std::find(names.begin(), names.end(), name);
         if (at == names.end()) {
             member.report(fmt::format("\"{}\" is no experiment of this residual{}", name, suggestion(name, names)));
@@ -188,8 +210,52 @@ void read_starts(ObjectReader& object, const Job& job, WaveformResidualJob& wave
 
 }  // namespace
 
-void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate) {
-    WaveformResidualJob waveform;
+const FieldTable<Waveform>& waveform_fields() {
+    using Experiment = Waveform::Experiment;
+    static const FieldTable<Waveform> table = [] {
+        FieldTable<Waveform> fields{
+            experiments_field<Waveform>().with_rule(use_samples),
+            {key("period", per_experiment(whole(1, longest_period)), "Forced models: in periods of the forcing.")
+                 .by_default(1),
+             read_waveform_period,
+             [](const Waveform& waveform, const Writing& at) {
+                 if (at.job.model.is(models::Kind::autonomous)) return left_out();
+                 return per_experiment_document(waveform, at, [](const Experiment& one) -> Json { return one.period; });
+             }},
+            {key("time", per_experiment(above(0.0)), "Autonomous models: a guess of the period.").in("s"), read_time,
+             [](const Waveform& waveform, const Writing& at) {
+                 if (!at.job.model.is(models::Kind::autonomous)) return left_out();
+                 return per_experiment_document(waveform, at, [](const Experiment& one) -> Json { return one.time; });
+             }},
+            {key("phase", per_experiment(number() | choice({"estimate"})),
+                 "Of the forcing at the time 0 of the record.")
+                 .in("rad")
+                 .by_default("estimate"),
+             read_phase,
+             [](const Waveform& waveform, const Writing& at) {
+                 return per_experiment_document(waveform, at,
+                                                [](const Experiment& one) { return unknown_document(one.phase); });
+             }},
+            Field<Waveform>{key("offset",
+                                choice({"estimate", "none"}) |
+                                    entries(number() | choice({"estimate", "none"}), "an observed coordinate"),
+                                "A constant that the readings are off by, in the coordinate's unit.")
+                                .by_default("none"),
+                            read_later<Waveform>, offset_document}
+                .written_after("start"),
+            {key("start", entries(list(state()), "an experiment"), "States at phase 0, one per period of the orbit."),
+             read_starts, [](const Waveform& waveform, const Writing& at) {
+                 return per_experiment_document(waveform, at, [](const Experiment& one) {
+                     return one.start.cols() > 0 ? columns_document(one.start) : left_out();
+                 });
+             }}};
+        add_error_fields(fields);
+        return fields;
+    }();
+    return table;
+}
+
+void prepare_waveform(ObjectReader& object, const Job& job, Waveform& waveform) {
     if (job.model.is(models::Kind::map))
         object.self().report(
             fmt::format("the model {} is a map: it has no waveforms in time; use its cycles", job.model.name));
@@ -198,11 +264,18 @@ void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate) 
             fmt::format("the model {} reads measured inputs: its steady states are not periodic by "
                         "themselves",
                         job.model.name));
-    read_data_names(object, job, waveform);
+    if (object.find("data")) return;
+    waveform.data = experiments_with(job, Sampling::samples);
     waveform.experiments.resize(waveform.data.size());
-    read_length(object, job, waveform);
-    read_phase(object, job, waveform);
-    read_starts(object, job, waveform);
+    if (waveform.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
+}
+
+void complete_waveform(ObjectReader& object, const Job& job, bool, Waveform& waveform) {
+    if (job.model.is(models::Kind::autonomous) && !object.find("time"))
+        object.self().report(
+            fmt::format("needs \"time\": a guess of the period in s; the model {} is autonomous and "
+                        "nothing else tells it",
+                        job.model.name));
     ErrorUse use;
     use.records = ErrorUse::Records::series;
     use.data = waveform.data;
@@ -210,9 +283,6 @@ void read_waveform(ObjectReader& object, const Job& job, EstimateJob& estimate) 
         use.add_coordinates(job.data[index].observe);
     read_errors(object, use, job, waveform.errors, waveform.covariances);
     read_offset(object, job, waveform.errors, waveform);
-    if (estimate.waveform)
-        object.self().report(fmt::format("a second residual of type waveform: {}", not_in_this_version));
-    estimate.waveform = std::move(waveform);
 }
 
-}  // namespace orbid::apps
+}  // namespace orbid::apps::describe

@@ -1,0 +1,169 @@
+#include <algorithm>
+
+#include "apps/job/blocks/estimate_fields.hpp"
+#include "apps/job/data_job.hpp"
+
+namespace orbid::apps::describe {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Sampling = orbits::Series::Sampling;
+
+// Longer than any record; keeps a slip of the pen from overflowing.
+constexpr double longest_interval = 1e9;
+
+/// "exact", "auto", { "sd": "estimate" } or { "sd": share of the range }.
+void read_matching(const ValueReader& value, const Job&, SeriesResidualJob& series) {
+    MatchingJob& matching = series.matching;
+    if (value.is(JsonValue::Kind::string)) {
+        if (value.choice({"exact", "auto"}) == 0) matching.kind = MatchingJob::Kind::exact;
+        return;
+    }
+    if (value.refused()) return;
+    ObjectReader object(value);
+    if (const auto sd = object.find("sd")) {
+        if (sd->is(JsonValue::Kind::string)) {
+            (void)sd->choice({"estimate"});
+            matching.kind = MatchingJob::Kind::estimated;
+        } else {
+            matching.kind = MatchingJob::Kind::given;
+            sd->read(matching.sd);
+        }
+    }
+    object.finish();
+}
+
+Json matching_document(const SeriesResidualJob& series, const Writing&) {
+    switch (series.matching.kind) {
+        case MatchingJob::Kind::exact:
+            return "exact";
+        case MatchingJob::Kind::given:
+            return {{"sd", series.matching.sd}};
+        case MatchingJob::Kind::estimated:
+            return {{"sd", "estimate"}};
+        case MatchingJob::Kind::automatic:
+            break;
+    }
+    return "auto";
+}
+
+void read_interval(const ValueReader& value, const Job&, SeriesResidualJob& series) {
+    if (value.is(JsonValue::Kind::number)) {
+        series.interval = value.whole().value_or(1);
+    } else if (value.is(JsonValue::Kind::string) && value.choice({"auto", "segment"}) != 1) {
+        series.interval = SeriesResidualJob::automatic_interval;
+    }
+}
+
+Json interval_document(const SeriesResidualJob& series, const Writing&) {
+    if (!series.interval) return "segment";
+    return *series.interval == SeriesResidualJob::automatic_interval ? Json("auto") : Json(*series.interval);
+}
+
+/// Something is said of where segments begin.
+bool says_more(const InitialValueJob& initial) {
+    return !initial.estimate || initial.value || initial.is_parameter() ||
+           !std::holds_alternative<estimator::FlatPrior>(initial.prior);
+}
+
+/// What single shooting alone can have.
+void check_nodes(const ValueReader& at, const Job& job, const SeriesResidualJob& series) {
+    for (const std::size_t index : series.data) {
+        const DataJob& data = job.data[index];
+        if (data.sensor.type == models::Sensor::Type::function)
+            at.report(fmt::format("\"{}\" is read by formulas: use \"interval\": \"segment\"", data.name));
+        if (std::any_of(data.initial_state.begin(), data.initial_state.end(), says_more))
+            at.report(
+                fmt::format("\"initial_state\" of \"{}\" goes with \"interval\": \"segment\": every node is a "
+                            "free state",
+                            data.name));
+    }
+}
+
+/// Chooses nodes or whole segments. `staged`: the strategy chooses what is not given.
+void complete_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series) {
+    const bool sections = std::any_of(series.data.begin(), series.data.end(), [&](std::size_t index) {
+        return job.data[index].sampling() == Sampling::section;
+    });
+    const bool has_sd =
+        series.matching.kind == MatchingJob::Kind::given || series.matching.kind == MatchingJob::Kind::estimated;
+    auto interval = object.find("interval");
+    if (interval && interval->refused()) interval.reset();
+    // Samples over short segments need one free state each; whatever says that there is more to it asks for nodes.
+    const bool whole_segments = interval ? !series.interval : !sections && !has_sd && !staged;
+    if (interval && whole_segments && sections)
+        interval->report("holds for samples: a section series is followed from section to section, \"auto\" or 1");
+    if (interval && whole_segments && has_sd)
+        object.find("matching")
+            ->report("nothing is matched where the flow runs over whole segments: use \"interval\": \"auto\"");
+    if (whole_segments) {
+        series.matching.kind = MatchingJob::Kind::exact;
+        return;
+    }
+    if (!series.interval) series.interval = SeriesResidualJob::automatic_interval;
+    check_nodes(interval.value_or(object.self()), job, series);
+}
+
+/// Errors that link readings of different intervals, or of several coordinates, are those of whole segments.
+void check_short_intervals(const ValueReader& at, const SeriesResidualJob& series) {
+    const bool lasting = std::any_of(series.errors.begin(), series.errors.end(), [](const ErrorJob& error) {
+        return std::holds_alternative<estimator::AutoregressiveErrors>(error.distribution);
+    });
+    if (lasting) at.report("errors \"ar1\" last over many intervals: use \"interval\": \"segment\"");
+    if (!series.covariances.empty())
+        at.report(fmt::format("a full covariance with nodes within a segment: {}; use \"interval\": \"segment\"",
+                              not_in_this_version));
+}
+
+}  // namespace
+
+const FieldTable<SeriesResidualJob>& series_fields() {
+    using Series = SeriesResidualJob;
+    static const FieldTable<Series> table = [] {
+        const ValueSchema matching =
+            choice({"exact", "auto"}) |
+            object({key("sd", choice({"estimate"}) | above_up_to(0.0, 1.0), "As a share of each coordinate's range.")
+                        .required_always()});
+        FieldTable<Series> fields{
+            experiments_field<Series>(),
+            Field<Series>{key("interval", choice({"auto", "segment"}) | whole(1, longest_interval),
+                              "Samples or sections from node to node; \"segment\": one initial state per segment."),
+                          read_interval, interval_document}
+                .written_after("matching"),
+            {key("matching", matching, "How well the end of one interval meets the beginning of the next.")
+                 .by_default("auto"),
+             read_matching, matching_document}};
+        add_error_fields(fields);
+        return fields;
+    }();
+    return table;
+}
+
+void prepare_series(ObjectReader& object, const Job& job, SeriesResidualJob& series) {
+    if (object.find("data")) return;
+    // Samples where there are some: sections beside them are usually there to be searched for cycles.
+    series.data = experiments_with(job, Sampling::samples);
+    if (series.data.empty()) series.data = experiments_with(job, Sampling::section);
+    if (series.data.empty()) object.self().report("needs an entry of \"data\"");
+}
+
+void complete_series(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series) {
+    complete_shooting(object, job, staged, series);
+    ErrorUse use;
+    use.records = ErrorUse::Records::series;
+    use.data = series.data;
+    for (const std::size_t index : series.data) {
+        const models::Sensor& sensor = job.data[index].sensor;
+        std::vector<Eigen::Index> coordinates = job.data[index].observe;
+        // A rate that is a difference of two readings of an angle has their errors, none of its own. (Over a whole
+        // segment it is compared as a reading.)
+        if (series.interval && sensor.type == models::Sensor::Type::angle_difference)
+            std::erase(coordinates, static_cast<Eigen::Index>(sensor.rate));
+        use.add_coordinates(coordinates);
+    }
+    read_errors(object, use, job, series.errors, series.covariances);
+    if (series.interval) check_short_intervals(object.self(), series);
+}
+
+}  // namespace orbid::apps::describe

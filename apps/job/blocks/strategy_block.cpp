@@ -1,0 +1,133 @@
+#include <algorithm>
+
+#include "apps/documents/json_text.hpp"
+#include "apps/job/blocks/estimate_fields.hpp"
+#include "apps/job/data_job.hpp"
+#include "apps/job/orbits_job.hpp"
+
+namespace orbid::apps::describe {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Kind = StageJob::Kind;
+
+/// Stages that stand beside those of residuals.
+const std::vector<std::string> other_stages{"prediction", "harvest"};
+
+bool is_searched(const Job& job) {
+    return job.orbits && !job.orbits->file;
+}
+
+/// A prediction starts from states that readings say.
+bool has_readings(const Job& job, const EstimateJob& estimate) {
+    return (estimate.series && !estimate.series->data.empty()) || is_searched(job);
+}
+
+bool has_stage(const EstimateJob& estimate, const auto& holds) {
+    return std::any_of(estimate.strategy.begin(), estimate.strategy.end(), holds);
+}
+
+/// A residual named in a stage: present, and in no stage before.
+void add_type(const ValueReader& item, std::size_t choice, const std::vector<ResidualType>& present,
+              std::vector<ResidualType>& used, StageJob& stage) {
+    const auto type = static_cast<ResidualType>(choice);
+    if (std::find(present.begin(), present.end(), type) == present.end()) {
+        item.report(fmt::format("there is no residual of type {} in \"residuals\"", item.value().text));
+    } else if (std::find(used.begin(), used.end(), type) != used.end()) {
+        item.report(fmt::format("\"{}\" is listed twice", item.value().text));
+    }
+    used.push_back(type);
+    stage.residuals.push_back(type);
+}
+
+StageJob prediction_stage(const ValueReader& item, const Job& job, const EstimateJob& estimate) {
+    if (!estimate.strategy.empty()) item.report("the prediction gives a start: it must be the first stage");
+    if (!has_readings(job, estimate))
+        item.report("needs a series: a residual of type series, or \"orbits\" that are searched for");
+    return {Kind::prediction, {}};
+}
+
+StageJob harvest_stage(const ValueReader& item, const Job& job, const EstimateJob& estimate) {
+    if (!is_searched(job)) item.report("needs \"orbits\" that are searched for in a series");
+    if (!has_stage(estimate, [](const StageJob& one) { return one.uses(ResidualType::cycles); }))
+        item.report("must come after \"cycles\": it looks for what their estimate points to");
+    return {Kind::harvest, {ResidualType::cycles}};
+}
+
+void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate) {
+    const auto present = estimate.residual_types();
+    std::vector<ResidualType> used;
+    std::vector<std::string> stages = residual_type_names;
+    stages.insert(stages.end(), other_stages.begin(), other_stages.end());
+    for (const ValueReader& item : value.items()) {
+        StageJob stage;
+        if (item.is(JsonValue::Kind::array)) {
+            for (const ValueReader& inner : item.items())
+                if (const auto choice = inner.choice(residual_type_names))
+                    add_type(inner, *choice, present, used, stage);
+            std::sort(stage.residuals.begin(), stage.residuals.end());
+        } else {
+            const auto choice = item.choice(stages);
+            if (!choice) continue;
+            if (*choice < residual_type_names.size()) {
+                add_type(item, *choice, present, used, stage);
+            } else {
+                stage = stages[*choice] == "prediction" ? prediction_stage(item, job, estimate)
+                                                        : harvest_stage(item, job, estimate);
+            }
+        }
+        estimate.strategy.push_back(std::move(stage));
+    }
+    for (const ResidualType type : present) {
+        if (std::find(used.begin(), used.end(), type) != used.end()) continue;
+        value.report(fmt::format("must name every type of \"residuals\": there is no \"{}\"",
+                                 name_of(type, residual_type_names)));
+    }
+}
+
+void read_strategy(const ValueReader& value, const Job& job, EstimateJob& estimate) {
+    estimate.strategy.clear();
+    // That residuals are missing is reported; that the stages lack them would only say so again.
+    if (value.refused() || estimate.residual_types().empty()) return;
+    if (value.is(JsonValue::Kind::array)) {
+        read_stages(value, job, estimate);
+    } else if (estimate.waveform) {
+        value.report("\"auto\" knows no waveforms: list the stages, [\"waveform\"] for example");
+    } else {
+        estimate.strategy = identification::automatic_strategy(
+            identification::StrategyData{has_readings(job, estimate), estimate.cycles.has_value(), is_searched(job),
+                                         estimate.series.has_value(), false});
+    }
+}
+
+void check_scan(const ValueReader& scan, const Job&, EstimateJob& estimate) {
+    if (!estimate.scan || estimate.strategy.empty()) return;
+    if (!has_stage(estimate, [](const StageJob& stage) { return stage.kind == Kind::prediction; }))
+        scan.report("belongs to the stage \"prediction\", which is not in \"strategy\"");
+}
+
+Json stage_document(const StageJob& stage) {
+    if (stage.kind != Kind::residuals || stage.residuals.size() == 1) return stage.name();
+    return json_list(stage.residuals, [](ResidualType type) { return name_of(type, residual_type_names); });
+}
+
+}  // namespace
+
+void add_strategy_fields(FieldTable<EstimateJob>& table) {
+    std::vector<std::string> stages = residual_type_names;
+    stages.insert(stages.end(), other_stages.begin(), other_stages.end());
+    const ValueSchema stage = choice(stages) | set(choice(residual_type_names), 1);
+    table.push_back(
+        {key("strategy", choice({"auto"}) | list(stage, 1),
+             "Stages, each from the best before it; what stands in a list within the list is estimated from together."),
+         read_strategy,
+         [](const EstimateJob& estimate, const Writing&) { return json_list(estimate.strategy, stage_document); }});
+    table.push_back(
+        field(key("scan", boolean(), "The prediction begins with a coarse scan of the parameters over their bounds."),
+              &EstimateJob::scan)
+            .with_rule(check_scan)
+            .written_if([](const EstimateJob& estimate) { return estimate.scan; }));
+}
+
+}  // namespace orbid::apps::describe
