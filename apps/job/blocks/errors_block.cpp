@@ -2,6 +2,7 @@
 #include <array>
 
 #include "apps/job/blocks/estimate_fields.hpp"
+#include "apps/job/blocks/estimated_number.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/data_job.hpp"
 
@@ -19,56 +20,6 @@ ErrorJob unknown_error(Eigen::Index coordinate) {
     error.coordinate = coordinate;
     error.scale.value = 0.0;
     return error;
-}
-
-/// A number of this form, "estimate", or { "estimate": { "start", "prior" } }.
-ValueSchema number_or_estimate(const ValueSchema& number) {
-    const ValueSchema inner = object({key("start", number, "Where the estimate begins."),
-                                      key("prior", prior(), "What is known of it.").by_default("flat")});
-    return number | choice({"estimate"}) |
-           object({key("estimate", inner, "Estimated, with more said of it.").required_always()});
-}
-
-/// { "start", "prior" }. `Number`: ErrorScale or ErrorParameter.
-template <class Number>
-void read_estimated(const ValueReader& value, Number& target) {
-    target.estimate = true;
-    ObjectReader object(value);
-    object.read("start", target.value);
-    if (const auto entry = object.find("prior")) target.prior = read_prior(*entry).value_or(estimator::Prior{});
-    object.finish();
-}
-
-/// Where no start is given, `target` keeps its value.
-template <class Number>
-void read_number_or_estimate(const ValueReader& value, Number& target) {
-    target.estimate = !value.is(JsonValue::Kind::number);
-    if (!target.estimate) return value.read(target.value);
-    if (value.is(JsonValue::Kind::string)) (void)value.choice({"estimate"});
-    if (!value.is(JsonValue::Kind::object)) return;
-    ObjectReader object(value);
-    if (const auto inner = object.find("estimate")) read_estimated(*inner, target);
-    object.finish();
-}
-
-Json start_and_prior(double start, bool has_start, const estimator::Prior& prior) {
-    Json options = Json::object();
-    if (has_start) options["start"] = start;
-    options["prior"] = prior_document(prior);
-    return options;
-}
-
-/// <= 0 while estimated: from the residuals.
-Json estimated_scale_document(const ErrorScale& scale) {
-    return start_and_prior(scale.value, scale.value > 0.0, scale.prior);
-}
-
-Json number_or_estimate_document(const ErrorScale& scale) {
-    return scale.estimate ? Json{{"estimate", estimated_scale_document(scale)}} : Json(scale.value);
-}
-
-Json number_or_estimate_document(const ErrorParameter& shape) {
-    return shape.estimate ? Json{{"estimate", start_and_prior(shape.value, true, shape.prior)}} : Json(shape.value);
 }
 
 /// The parameter that a distribution has beside its scale. Where that one is not chosen the key is refused.
