@@ -10,6 +10,7 @@
 #include "apps/job/orbits_job.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/estimated_values.hpp"
+#include "models/system/stopped.hpp"
 
 namespace orbid::apps {
 
@@ -71,11 +72,14 @@ void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual
     }
 }
 
-void add_series_rows(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+void add_series_rows(const Workspace& work, std::size_t experiment, const orbits::SeriesResidual& residual,
                      const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
                      std::vector<ResidualRow>& rows) {
+    const Job& job = work.job;
+    const auto asking = work.asking();
     const auto& series = residual.series();
     for (std::size_t b = 0; b < values.size(); ++b) {
+        models::stop_if_asked(asking);
         if (values[b].e.size() == 0) continue;
         const auto& segment = series.segments[residual.segment(b)];
         const auto& records = residual.records(b);
@@ -99,13 +103,16 @@ void add_series_rows(const Job& job, std::size_t experiment, const orbits::Serie
     }
 }
 
-void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+void add_shooting_rows(const Workspace& work, std::size_t experiment, const orbits::ShootingResidual& residual,
                        const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
                        std::vector<ResidualRow>& rows) {
+    const Job& job = work.job;
+    const auto asking = work.asking();
     const orbits::Series& series = residual.series();
     const orbits::ShootingPlan& plan = residual.plan();
     const bool forced = job.model.is(models::Kind::forced);
     for (std::size_t b = 0; b < values.size(); ++b) {
+        models::stop_if_asked(asking);
         if (values[b].e.size() == 0) continue;
         const orbits::PlannedNode& node = plan.nodes[b];
         const orbits::Segment& segment = series.segments[node.segment];

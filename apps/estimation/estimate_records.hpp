@@ -26,7 +26,8 @@ void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual
 
 /// One row per reading of the fitted segments, in time order.
 /// @param experiment  index into Job::data.
-void add_series_rows(const Job& job, std::size_t experiment, const orbits::SeriesResidual& residual,
+/// @throws models::Stopped
+void add_series_rows(const Workspace& work, std::size_t experiment, const orbits::SeriesResidual& residual,
                      const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
                      std::vector<ResidualRow>& rows);
 
@@ -40,7 +41,8 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
 
 /// One row per reading of the fitted segments, in time order; both readings of the angle for a difference sensor. Times
 /// of sections are phases of the forcing [rad] if the record has no times.
-void add_shooting_rows(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,
+/// @throws models::Stopped
+void add_shooting_rows(const Workspace& work, std::size_t experiment, const orbits::ShootingResidual& residual,
                        const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
                        std::vector<ResidualRow>& rows);
 

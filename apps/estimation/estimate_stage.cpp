@@ -108,14 +108,14 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
     }
     for (std::size_t i = 0; i < residuals.series.size(); ++i, ++index) {
         const std::size_t experiment = residuals.experiments[i];
-        add_series_rows(job, experiment, *residuals.series[i], estimate, estimate.residuals[index], rows);
+        add_series_rows(work, experiment, *residuals.series[i], estimate, estimate.residuals[index], rows);
         add_initial_states(job, experiment, *residuals.series[i], estimate, setup.initial[experiment],
                            estimate.latents[index], sds(index), context);
         add_predictions(problem, experiment, *residuals.series[i], estimate, theta, true, context);
     }
     for (std::size_t i = 0; i < residuals.shooting.size(); ++i, ++index) {
         const std::size_t experiment = residuals.shooting_experiments[i];
-        add_shooting_rows(job, experiment, *residuals.shooting[i], estimate, estimate.residuals[index], rows);
+        add_shooting_rows(work, experiment, *residuals.shooting[i], estimate, estimate.residuals[index], rows);
         add_first_nodes(job, experiment, *residuals.shooting[i], estimate.latents[index], sds(index), context);
         const bool samples = job.data[experiment].sampling() == orbits::Series::Sampling::samples;
         if (job.data[experiment].predict.empty() || !samples) continue;
@@ -194,7 +194,7 @@ public:
         if (!cycles_.cycles.empty()) count_cycles(cycles_, context);
         const orbits::CycleSearch& search = cycles_.cycles.empty() ? problem_.measured.search : cycles_;
         work_.folder.store("residuals.csv",
-                           residuals_text(describe_records(work_, problem_, setup_, search, best, context)));
+                           residuals_text(describe_records(work_, problem_, setup_, search, best, context), asking_));
         if (best.is_evaluated()) {
             const auto all = best.residuals.all();
             context.posterior.diagnostics = identification::diagnose_residuals(all, best.estimate);

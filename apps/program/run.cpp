@@ -104,7 +104,10 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
     orbits::CycleSearch search;
     std::optional<SearchedSection> section;
     if (searching && !work.interruption.asked()) {
-        if (is_section_search(job)) section = searched_section(job, data[job.orbits->data].series);
+        if (is_section_search(job)) {
+            const RunStop::AtOnce leaving(work.stop);
+            section = searched_section(job, data[job.orbits->data].series, work.asking());
+        }
         search = load_cycles(work, section);
         if (wants(work.options, Stage::orbits)) console.out << cycles_summary(search);
         if (search.cycles.empty()) code = no_valid_answer;

@@ -11,6 +11,7 @@
 #include "apps/documents/json_text.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/lost_records.hpp"
+#include "models/system/stopped.hpp"
 
 namespace orbid::apps {
 namespace {
@@ -241,7 +242,8 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     return json_text(out);
 }
 
-std::string residuals_text(const std::vector<ResidualRow>& rows) {
+std::string residuals_text(const std::vector<ResidualRow>& rows, const std::function<bool()>& interrupted) {
+    constexpr std::ptrdiff_t asked_every = 65536;
     fmt::memory_buffer out;
     const auto number = [&out](double value, char end) {
         if (std::isfinite(value)) {
@@ -253,6 +255,7 @@ std::string residuals_text(const std::vector<ResidualRow>& rows) {
     fmt::format_to(std::back_inserter(out),
                    "experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\n");
     for (const ResidualRow& row : rows) {
+        if ((&row - rows.data()) % asked_every == 0) models::stop_if_asked(interrupted);
         fmt::format_to(std::back_inserter(out), "{},{},{},", csv_cell(row.experiment), csv_cell(row.block),
                        csv_cell(row.coordinate));
         number(row.at, ',');

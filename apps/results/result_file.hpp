@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -106,6 +107,8 @@ struct ResidualRow {
 
 /// Content of residuals.csv: a header, one line per record; undefined numbers are empty cells, numbers read back to the
 /// bit, cells with commas or quotes are quoted (RFC 4180).
-[[nodiscard]] std::string residuals_text(const std::vector<ResidualRow>& rows);
+/// @param interrupted  asked all along. @throws models::Stopped if it says so
+[[nodiscard]] std::string residuals_text(const std::vector<ResidualRow>& rows,
+                                         const std::function<bool()>& interrupted = {});
 
 }  // namespace orbid::apps

@@ -46,17 +46,17 @@ std::string cutting_remark(const orbits::SampledSection& section, const orbits::
     return text;
 }
 
-void cut_samples(const Job& job, SearchedSection& section) {
+void cut_samples(const Job& job, const std::function<bool()>& interrupted, SearchedSection& section) {
     const DataJob& data = job.data[job.orbits->data];
     orbits::SampledSection cut;
     try {
         if (job.section_plane) {
             const SectionPlaneJob& plane = *job.section_plane;
-            cut = plane_section(*section.record, {plane.coordinate, plane.value, plane.direction});
+            cut = plane_section(*section.record, {plane.coordinate, plane.value, plane.direction}, interrupted);
         } else {
             const Eigen::VectorXd values = data.with_own(job.model.values);
             cut = stroboscopic_section(*section.record, job.model.system->period(values, models::Clock::time),
-                                       job.section_phase);
+                                       job.section_phase, interrupted);
         }
     } catch (const orbits::DataError& error) {
         throw orbits::DataError(fmt::format("{}: no section can be made of its samples: {}", data.name, error.what()));
@@ -86,13 +86,14 @@ Eigen::MatrixXd difference_covariance(const DataJob& data, Eigen::Index dimensio
 
 }  // namespace
 
-SearchedSection searched_section(const Job& job, const orbits::Series& record) {
+SearchedSection searched_section(const Job& job, const orbits::Series& record,
+                                 const std::function<bool()>& interrupted) {
     SearchedSection section;
     section.record = &record;
     section.options = job.orbits->search;
     Eigen::VectorXd sd = job.orbits->reading_sd;
     const bool samples = record.sampling == orbits::Series::Sampling::samples;
-    if (samples) cut_samples(job, section);
+    if (samples) cut_samples(job, interrupted, section);
     if (job.section_plane) {
         const Eigen::Index plane = job.section_plane->coordinate;
         if (!samples) section.cut = without_coordinate(record, plane);

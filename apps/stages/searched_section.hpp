@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,8 +24,10 @@ struct SearchedSection {
 
 /// Crossings of a plane lose the coordinate that is constant there. Samples are cut by the job's plane or at its phase
 /// of the forcing. Keeps a reference to the record.
-/// @throws orbits::DataError when the samples cannot be cut.
-[[nodiscard]] SearchedSection searched_section(const Job& job, const orbits::Series& record);
+/// @param interrupted  asked all along.
+/// @throws orbits::DataError when the samples cannot be cut; models::Stopped.
+[[nodiscard]] SearchedSection searched_section(const Job& job, const orbits::Series& record,
+                                               const std::function<bool()>& interrupted);
 
 /// The coordinates of the points of the job's cycles: the model's, without the plane's.
 [[nodiscard]] std::vector<orbits::SeriesCoordinate> section_coordinates(const Job& job);

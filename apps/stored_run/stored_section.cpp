@@ -13,7 +13,7 @@ std::optional<SectionPoints> section_points(const StoredRun& run) {
     const auto record = stored_series(run, experiment);
     if (!record) return std::nullopt;
     std::optional<SearchedSection> searched;
-    if (job.orbits && !job.orbits->file) searched = searched_section(job, *record);
+    if (job.orbits && !job.orbits->file) searched = searched_section(job, *record, run.interrupted);
     const orbits::Series& series = searched ? searched->series() : *record;
     if (series.sampling != orbits::Series::Sampling::section || series.dimension() < 2) return std::nullopt;
     return section_points(series, 0, 1, run.interrupted);

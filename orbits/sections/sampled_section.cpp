@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "models/definition/parameter.hpp"
+#include "models/system/stopped.hpp"
 #include "orbits/records/refusal.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
@@ -17,6 +18,9 @@ namespace {
 
 // Standard deviations of the smoothed coordinate by which a crossing must pass the plane on either side.
 constexpr double passed = 3.0;
+
+// Samples between two questions whether to stop.
+constexpr Eigen::Index asked_every = 65536;
 
 // Pieces of one segment without a break.
 class PieceWriter {
@@ -64,15 +68,19 @@ struct Passage {
 
 class PlaneSection {
 public:
-    PlaneSection(const Series& samples, const PlaneCrossing& crossing)
-        : samples_(samples), crossing_(crossing), step_(sampling_interval(samples, "plane_section")) {
+    PlaneSection(const Series& samples, const PlaneCrossing& crossing, const std::function<bool()>& interrupted)
+        : samples_(samples),
+          crossing_(crossing),
+          interrupted_(interrupted),
+          step_(sampling_interval(samples, "plane_section")) {
         const Eigen::Index n = samples.dimension();
         const auto marks = rough_crossings();
         const auto places = places_near(marks);
         result_.sample_deviation.resize(n);
         for (Eigen::Index d = 0; d < n; ++d) {
+            models::stop_if_asked(interrupted_);
             result_.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
-            result_.windows.push_back(best_window(samples, d, places));
+            result_.windows.push_back(best_window(samples, d, places, interrupted_));
             if (d != crossing.coordinate) result_.series.coordinates.push_back(samples.coordinate(d));
         }
         result_.series.origin = samples.origin;
@@ -118,9 +126,11 @@ private:
 
     void cut(const Segment& segment) {
         std::vector<TimeSmoothing> smoothings;
-        for (Eigen::Index d = 0; d < samples_.dimension(); ++d)
+        for (Eigen::Index d = 0; d < samples_.dimension(); ++d) {
+            models::stop_if_asked(interrupted_);
             smoothings.emplace_back(segment, d, samples_.coordinate(d).angle, step_,
                                     result_.windows[static_cast<std::size_t>(d)]);
+        }
         PieceWriter writer(result_, segment, samples_.dimension() - 1);
         for (const Passage& passage : passages(smoothings[static_cast<std::size_t>(crossing_.coordinate)])) {
             if (passage.broken_before) {
@@ -149,6 +159,7 @@ private:
         bool broken = false;
         double before = std::numeric_limits<double>::quiet_NaN();
         for (Eigen::Index i = 0; i + 1 < readings.size(); ++i) {
+            if (i % asked_every == 0) models::stop_if_asked(interrupted_);
             gap = std::isfinite(readings[i]) ? 0 : gap + 1;
             const SmoothedValue smoothed = plane.at(i, 0.0);
             const bool known = smoothed.reliable() && gap <= bridge;
@@ -229,13 +240,15 @@ private:
 
     const Series& samples_;
     PlaneCrossing crossing_;
+    const std::function<bool()>& interrupted_;
     double step_;
     SampledSection result_;
 };
 
 }  // namespace
 
-SampledSection plane_section(const Series& samples, const PlaneCrossing& crossing) {
+SampledSection plane_section(const Series& samples, const PlaneCrossing& crossing,
+                             const std::function<bool()>& interrupted) {
     check_samples(samples, "plane_section");
     const Eigen::Index n = samples.dimension();
     refuse_if(n < 2, "plane_section: needs at least two coordinates, got {}", n);
@@ -244,7 +257,7 @@ SampledSection plane_section(const Series& samples, const PlaneCrossing& crossin
     refuse_if(!(crossing.direction == 1 || crossing.direction == -1),
               "plane_section: the direction must be 1 or -1, got {}", crossing.direction);
     if (!std::isfinite(crossing.value)) throw std::invalid_argument("plane_section: the value must be finite");
-    return PlaneSection(samples, crossing).result();
+    return PlaneSection(samples, crossing, interrupted).result();
 }
 
 }  // namespace orbid::orbits

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -41,12 +42,14 @@ struct PlaneCrossing {
 /// segment. So does an excursion over the value and back within 3 sds, which may or may not be a crossing. An angle
 /// crosses `value` modulo 2 pi, but not at the opposite point of the circle.
 ///
+/// @param interrupted  asked all along. @throws models::Stopped if it says so
 /// @return sections without the plane's coordinate, with times and deviations; angles are in one turn.
 /// @throws std::invalid_argument for sections, fewer than two coordinates, a coordinate or direction that does not
 ///         exist, a value that is not finite; DataError for one that is never crossed, samples that are not
 ///         equidistant.
 /// Cost: linear in the samples.
-[[nodiscard]] SampledSection plane_section(const Series& samples, const PlaneCrossing& crossing);
+[[nodiscard]] SampledSection plane_section(const Series& samples, const PlaneCrossing& crossing,
+                                           const std::function<bool()>& interrupted = {});
 
 /// States of a forced motion at one phase of the forcing, from samples.
 ///
@@ -56,8 +59,10 @@ struct PlaneCrossing {
 ///
 /// @param period  [s] of the forcing, > 0, at least two sampling intervals.
 /// @param phase   [rad] of the forcing; Series::phase is that at time 0.
+/// @param interrupted  asked all along. @throws models::Stopped if it says so
 /// @throws std::invalid_argument for sections; DataError for a period out of range, segments shorter than a period
 ///         throughout, samples that are not equidistant.
-[[nodiscard]] SampledSection stroboscopic_section(const Series& samples, double period, double phase);
+[[nodiscard]] SampledSection stroboscopic_section(const Series& samples, double period, double phase,
+                                                  const std::function<bool()>& interrupted = {});
 
 }  // namespace orbid::orbits

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "models/definition/parameter.hpp"
+#include "models/system/stopped.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/sections/sampled_section.hpp"
 #include "periodic/orbit/full_turn.hpp"
@@ -87,7 +88,8 @@ Segment piece_at(const Segment& segment, const std::vector<Instant>& instants, d
 
 }  // namespace
 
-SampledSection stroboscopic_section(const Series& samples, double period, double phase) {
+SampledSection stroboscopic_section(const Series& samples, double period, double phase,
+                                    const std::function<bool()>& interrupted) {
     check_samples(samples, "stroboscopic_section");
     const double step = sampling_interval(samples, "stroboscopic_section");
     refuse_record_if(!(period >= 2.0 * step) || !std::isfinite(period),
@@ -109,12 +111,14 @@ SampledSection stroboscopic_section(const Series& samples, double period, double
     section.reading_covariance = Eigen::MatrixXd::Zero(n, n);
     const auto places = places_near(marks);
     for (Eigen::Index d = 0; d < n; ++d) {
+        models::stop_if_asked(interrupted);
         section.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
-        if (!all_on_samples) section.windows.push_back(best_window(samples, d, places));
+        if (!all_on_samples) section.windows.push_back(best_window(samples, d, places, interrupted));
     }
     Eigen::VectorXd counts = Eigen::VectorXd::Zero(n);
     for (std::size_t s = 0; s < instants.size(); ++s) {
         if (instants[s].empty()) continue;
+        models::stop_if_asked(interrupted);
         section.series.segments.push_back(piece_at(samples.segments[s], instants[s], step, section, counts));
     }
     for (Eigen::Index d = 0; d < n; ++d)

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "models/arithmetic/orthogonal_factor.hpp"
+#include "models/system/stopped.hpp"
 #include "orbits/records/refusal.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
@@ -194,7 +195,7 @@ std::vector<std::vector<Eigen::Index>> places_near(const std::vector<std::vector
 }
 
 TimeWindow best_window(const Series& samples, Eigen::Index coordinate,
-                       const std::vector<std::vector<Eigen::Index>>& places) {
+                       const std::vector<std::vector<Eigen::Index>>& places, const std::function<bool()>& interrupted) {
     const bool angle = samples.coordinate(coordinate).angle;
     std::vector<Eigen::VectorXd> readings;
     for (const Segment& segment : samples.segments)
@@ -203,6 +204,7 @@ TimeWindow best_window(const Series& samples, Eigen::Index coordinate,
     double smallest = std::numeric_limits<double>::infinity();
     for (const int degree : degrees)
         for (int h = (degree + 1) / 2; h <= widest; h += std::max(1, h / 4)) {
+            models::stop_if_asked(interrupted);
             const Eigen::VectorXd weights = prediction_weights({degree, h});
             double sum = 0.0;
             std::size_t count = 0;

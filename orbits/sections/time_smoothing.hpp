@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -72,8 +73,10 @@ void check_samples(const Series& samples, const char* caller);
 /// on either side without it. Degrees 1, 3, 5, 7, half widths up to 128. Places without a complete widest window are
 /// used for the windows that are complete.
 ///
-/// @param places  per segment: samples where the polynomials will be used.
+/// @param places       per segment: samples where the polynomials will be used.
+/// @param interrupted  asked for every window. @throws models::Stopped if it says so
 [[nodiscard]] TimeWindow best_window(const Series& samples, Eigen::Index coordinate,
-                                     const std::vector<std::vector<Eigen::Index>>& places);
+                                     const std::vector<std::vector<Eigen::Index>>& places,
+                                     const std::function<bool()>& interrupted = {});
 
 }  // namespace orbid::orbits

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "models/system/stopped.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/cycles/measured_cycles.hpp"
 
@@ -145,6 +146,22 @@ TEST_CASE("stroboscopic sections take samples as they are where the sampling div
         CHECK_THAT(between.series.segments[0].values(0, k),
                    WithinAbs(std::sin(start + period * static_cast<double>(k)), 1e-8));
     CHECK(between.series.phase == phase);
+}
+
+TEST_CASE("a section of samples asks whether to stop", "[orbits][sampled]") {
+    const Series samples = circle(20000, 0.01, 0.01);
+    const auto leaves = [](auto cut) {
+        // Every question may be the one that is answered with yes.
+        int questions = 0;
+        cut([&] { return ++questions < 0; });
+        CHECK(questions > 20);
+        for (const int last : {1, 4, questions}) {
+            int asked = 0;
+            CHECK_THROWS_AS(cut([&] { return ++asked == last; }), models::Stopped);
+        }
+    };
+    leaves([&](const auto& stop) { (void)plane_section(samples, {0, 0.0, 1}, stop); });
+    leaves([&](const auto& stop) { (void)stroboscopic_section(samples, turn, 0.0, stop); });
 }
 
 TEST_CASE("sections of senseless samples are refused", "[orbits][sampled]") {
