@@ -18,7 +18,7 @@ using Json = StoredRun::Json;
 
 bool is_table(const std::filesystem::path& file) {
     const auto ending = file.extension();
-    return ending == ".csv" || ending == ".tsv" || ending == ".txt";
+    return ending == ".csv" || ending == ".tsv" || ending == ".txt" || ending == ".mat";
 }
 
 const Json& chosen_experiment(const StoredRun& run, const std::string& name) {
@@ -104,7 +104,7 @@ Json data_object(const std::filesystem::path& file) {
 
 /// What a simulated experiment says of a table: its columns are the coordinates, as far as the table has them.
 void describe_table(const ModelJob& model, const std::filesystem::path& file, Json& entry) {
-    const orbits::TextTable table(file);
+    const orbits::TextTable table = orbits::open_table(file);
     const auto has = [&](std::string_view name) {
         return std::find(table.header().begin(), table.header().end(), name) != table.header().end();
     };

@@ -171,11 +171,29 @@ void find_columns(const TextTable& table, const TableLayout& layout, Columns& co
     if (!layout.time.empty()) columns.time = table.column(layout.time);
 }
 
+/// The names of all columns that are read, each once.
+std::vector<std::string> column_names(const TableLayout& layout) {
+    std::vector<std::string> names;
+    const auto add = [&names](const std::string& name) {
+        if (!name.empty() && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    };
+    add(layout.segment);
+    add(layout.time);
+    for (const CoordinateColumn& column : layout.coordinates) {
+        add(column.column);
+        add(column.sd);
+    }
+    return names;
+}
+
 /// Reads row after row into segments.
 class TableReading {
 public:
     TableReading(const std::filesystem::path& file, const TableLayout& layout)
-        : layout_(layout), columns_(conversions(layout)), table_(file), choice_(layout.part) {
+        : layout_(layout),
+          columns_(conversions(layout)),
+          table_(open_table(file, column_names(layout))),
+          choice_(layout.part) {
         find_columns(table_, layout, columns_);
         with_sds_ = columns_.with_sds();
         series_.sampling = layout.sampling;

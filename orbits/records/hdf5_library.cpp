@@ -2,9 +2,7 @@
 
 #include <dlfcn.h>
 
-#include <fmt/format.h>
-
-#include "orbits/records/data_error.hpp"
+#include "orbits/records/library_function.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -21,15 +19,7 @@ void* library() {
 }  // namespace
 
 void* hdf5_symbol(const char* name) {
-    void* const handle = library();
-    void* const symbol = handle == nullptr ? nullptr : ::dlsym(handle, name);
-    if (symbol == nullptr) {
-        const char* reason = ::dlerror();
-        throw DataError(fmt::format("HDF5 files cannot be used here: {} of {} cannot be loaded{}{}", name,
-                                    ORBID_HDF5_LIBRARY, reason == nullptr ? "" : ": ",
-                                    reason == nullptr ? "" : reason));
-    }
-    return symbol;
+    return library_symbol(library(), ORBID_HDF5_LIBRARY, name, "HDF5");
 }
 
 }  // namespace orbid::orbits

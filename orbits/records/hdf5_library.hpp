@@ -8,6 +8,7 @@
 #include <hdf5.h>
 
 #include "models/system/stopped.hpp"
+#include "orbits/records/library_function.hpp"
 
 namespace orbid::orbits {
 
@@ -17,16 +18,8 @@ namespace orbid::orbits {
 /// @throws DataError naming library and reason when it cannot be loaded.
 [[nodiscard]] void* hdf5_symbol(const char* name);
 
-/// A function of the library under its own name: hides that of the header, which the program does not link.
 template <class Function>
-class Hdf5Function {
-public:
-    explicit constexpr Hdf5Function(const char* name) : name_(name) {}
-    operator Function*() const { return reinterpret_cast<Function*>(hdf5_symbol(name_)); }
-
-private:
-    const char* name_;
-};
+using Hdf5Function = LibraryFunction<Function, hdf5_symbol>;
 
 /// An identifier that the library fills in when it is opened, likewise. Behind the macros of the header.
 class Hdf5Identifier {

@@ -46,6 +46,10 @@ struct TableLayout {
 
 /// Reads a table in text: a header line with the names of the columns, then one row per line.
 ///
+/// Of a file that ends in ".mat" it reads variables of Matlab (formats 4, 5 and 7.3) by the same names: vectors "y",
+/// columns or rows of matrices "y(:,2)", fields of structures "run.y"; NaN is a missing sample. The library matio must
+/// be installed.
+///
 /// The separator is a comma, semicolon or tab, whichever the header has most of. Lines end in LF or CRLF. Empty lines,
 /// lines that begin with # and a byte order mark are skipped. Cells may be quoted ("" is a quote inside quotes, a
 /// quoted cell ends on its line). Columns that the layout does not name are not read. An empty cell is a missing

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "orbits/records/data_error.hpp"
+#include "orbits/records/matlab_file.hpp"
 #include "orbits/records/nearest_name.hpp"
 
 namespace orbid::orbits {
@@ -82,6 +83,16 @@ TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()), 
     if (text_.starts_with(byte_order_mark)) position_ = byte_order_mark.size();
     if (std::memchr(text_.data(), '\0', std::min<std::size_t>(text_.size(), 4096)) != nullptr)
         throw DataError(fmt::format("{}: is not a text file (it holds zero bytes)", file_));
+    read_header();
+}
+
+TextTable::TextTable(const std::filesystem::path& file, std::string text)
+    : file_(file.string()), text_(std::move(text)) {
+    read_header();
+    line_ = 0;
+}
+
+void TextTable::read_header() {
     std::string_view line;
     if (!next_line(line))
         throw DataError(fmt::format("{}: is empty; a header line and at least one row are needed", file_));
@@ -210,6 +221,11 @@ void TextTable::fail(std::size_t line, std::size_t column, std::string_view what
 
 void TextTable::fail(std::string_view what) const {
     throw DataError(fmt::format("{}:{}: {}", file_, line_, what));
+}
+
+TextTable open_table(const std::filesystem::path& file, const std::vector<std::string>& names) {
+    if (is_matlab_file(file)) return {file, matlab_table(file, names)};
+    return TextTable(file);
 }
 
 }  // namespace orbid::orbits

@@ -15,6 +15,8 @@ public:
     /// Reads the whole file and its header.
     /// @throws DataError: file missing, a folder, unreadable, empty, a header cell quoted wrongly.
     explicit TextTable(const std::filesystem::path& file);
+    /// The same of a text that was made of a file; its first row is line 1 in messages.
+    TextTable(const std::filesystem::path& file, std::string text);
 
     [[nodiscard]] const std::string& file() const { return file_; }
     [[nodiscard]] const std::vector<std::string>& header() const { return header_; }
@@ -37,6 +39,7 @@ public:
     [[noreturn]] void fail(std::size_t column, std::string_view what) const { fail(line_, column, what); }
 
 private:
+    void read_header();
     [[noreturn]] void fail(std::string_view what) const;
     bool next_line(std::string_view& line);
     void cut(std::string_view line, std::vector<std::string_view>& cells);
@@ -50,5 +53,8 @@ private:
     std::vector<std::string> header_;
     std::vector<std::string> unquoted_;  ///< storage of cells with quotes inside quotes
 };
+
+/// The table in a text file, or in one of Matlab: then its columns of these names (matlab_table).
+[[nodiscard]] TextTable open_table(const std::filesystem::path& file, const std::vector<std::string>& names = {});
 
 }  // namespace orbid::orbits

@@ -90,7 +90,9 @@ const FieldTable<FileJob>& table_fields() {
 }
 
 void read_columns(const ValueReader& value, const Job& job, FileJob& file) {
-    if (!file.table) return value.report("belongs to a table in text; an HDF5 file says itself what its columns are");
+    if (!file.table)
+        return value.report(
+            "belongs to a table (text, Matlab); an HDF5 file of orbid says itself what its columns are");
     for (const auto& [name, member] : value.members()) {
         if (const auto* own = find_field(table_fields(), name)) {
             own->read(member, job, file);
@@ -124,7 +126,7 @@ void check_sampling(const ValueReader& value, const Job& job, FileJob& file) {
 void read_step(const ValueReader& value, const Job&, FileJob& file) {
     value.read(file.step);
     if (file.table && file.sampling == Sampling::samples) return;
-    value.report("belongs to samples in a table in text");
+    value.report("belongs to samples in a table");
     file.step = 0.0;
 }
 
@@ -157,9 +159,9 @@ const FieldTable<FileJob>& recorded_file_fields() {
 
 void take_type(const ValueReader& value, FileJob& file) {
     const std::string type = extension(file.paths.front());
-    file.table = type == ".csv" || type == ".tsv" || type == ".txt";
+    file.table = type == ".csv" || type == ".tsv" || type == ".txt" || type == ".mat";
     if (!file.table && type != ".h5" && type != ".hdf5")
-        value.report(fmt::format("files end in .csv, .tsv, .txt, .h5 or .hdf5, not in \"{}\"", type));
+        value.report(fmt::format("files end in .csv, .tsv, .txt, .mat, .h5 or .hdf5, not in \"{}\"", type));
     for (const auto& path : file.paths)
         if (extension(path) != type)
             value.report_data(
@@ -213,7 +215,7 @@ void check_input_source(const ValueReader& value, const DataJob& data) {
     if (data.simulation) {
         value.report("inputs of a simulation need a \"file\" with their record");
     } else if (!data.file->table) {
-        value.report("inputs come from a table in text; beside an HDF5 file name their own: \"file\": \"inputs.csv\"");
+        value.report("inputs come from a table; beside an HDF5 file name their own: \"file\": \"inputs.csv\"");
     }
 }
 
@@ -256,12 +258,12 @@ void add_file_fields(FieldTable<DataJob>& table) {
                   .with("inputs"),
               &InputJob::delay)
             .written_if([](const InputJob& input) { return input.delay != 0.0; })};
-    table.push_back({key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .h5 or .hdf5, relative to the job."),
-                     read_recorded_file, [](const DataJob& data, const Writing& at) {
-                         return data.file && data.file->pattern.empty()
-                                    ? Json(path_text(data.file->paths.front(), at.folder))
-                                    : left_out();
-                     }});
+    table.push_back(
+        {key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .mat, .h5 or .hdf5, relative to the job."),
+         read_recorded_file, [](const DataJob& data, const Writing& at) {
+             return data.file && data.file->pattern.empty() ? Json(path_text(data.file->paths.front(), at.folder))
+                                                            : left_out();
+         }});
     table.push_back({key("files", file_name(),
                          "Several such files by a pattern with * and ?, each a segment that is named after its file."),
                      read_recorded_files, [](const DataJob& data, const Writing& at) {

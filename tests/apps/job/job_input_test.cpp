@@ -127,7 +127,7 @@ TEST_CASE("measured inputs that cannot be are refused with place and rule", "[ap
                 R"(, "interpolation": "cubic", "inputs": { "base_acceleration": "acc", "time": "t" })",
             "/data/inputs/time: belongs to \"file\"");
     refused(R"("file": "run.h5", "kind": "samples", "inputs": { "base_acceleration": "acc" })",
-            "/data/inputs: inputs come from a table in text");
+            "/data/inputs: inputs come from a table; beside");
     refused(
         R"("file": "run.csv", "kind": "section", "columns": { "stroke": "stroke" }, "inputs": { "base_acceleration": "acc" })",
         "/data/inputs: measured inputs of a section series: not in this version");

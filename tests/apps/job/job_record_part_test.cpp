@@ -100,7 +100,7 @@ TEST_CASE("a part that the record cannot have is refused", "[apps][job]") {
     check_only(job_with(R"("every": 1)", R"("phi": "theta")"), "or their \"step\" beside \"file\"");
     check_only(section_job(R"("every": 2)"), "belongs to \"kind\": \"samples\"");
     check_only(section_job(R"("spacing": "any")"), "belongs to \"kind\": \"samples\"");
-    check_only(section_job(R"("step": 0.1)"), "belongs to samples in a table in text");
+    check_only(section_job(R"("step": 0.1)"), "belongs to samples in a table");
     check_only(section_job(R"("window": [0, 1])"), "needs the times of the record");
     check_only(
         R"({ "model": { "name": "free_pendulum" }, "data": { "simulate": { "samples": { "step": 0.1, "count": 9 } },
