@@ -31,7 +31,8 @@ orbits::TableLayout input_layout(const Job& job, const DataJob& data) {
                                       column.unit,
                                       static_cast<double>(column.sign),
                                       column.offset,
-                                      {}});
+                                      {},
+                                      column.factor});
     }
     return layout;
 }

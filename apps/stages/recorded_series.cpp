@@ -47,7 +47,7 @@ orbits::TableLayout table_layout(const Job& job, std::size_t index, const std::f
     for (const ColumnJob& column : file.columns)
         layout.coordinates.push_back({read_coordinate(job, data, static_cast<std::size_t>(column.coordinate)),
                                       column.column, column.unit, static_cast<double>(column.sign), column.offset,
-                                      sd_column(job, index, column.coordinate)});
+                                      sd_column(job, index, column.coordinate), column.factor});
     return layout;
 }
 

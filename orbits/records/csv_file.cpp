@@ -66,6 +66,8 @@ void validate_layout(const TableLayout& layout) {
         refuse_if(!names.insert(name).second, "table layout: coordinate {} is mapped twice", name);
         refuse_if(!(column.sign == 1.0 || column.sign == -1.0), "column of {}: sign is {}, must be 1 or -1", name,
                   column.sign);
+        refuse_if(!(column.factor > 0.0 && std::isfinite(column.factor)), "column of {}: factor is {}, must be > 0",
+                  name, column.factor);
         refuse_if(!std::isfinite(column.offset), "column of {}: offset must be a finite number", name);
     }
     const bool samples = layout.sampling == Series::Sampling::samples;
@@ -155,7 +157,7 @@ Columns conversions(const TableLayout& layout) {
     Columns columns;
     for (const CoordinateColumn& column : layout.coordinates) {
         const double factor = factor_of(column.unit, column.coordinate.unit, column.coordinate.name);
-        columns.coordinates.push_back({0, factor, column.sign, column.offset, std::nullopt});
+        columns.coordinates.push_back({0, factor * column.factor, column.sign, column.offset, std::nullopt});
     }
     if (!layout.time.empty()) columns.time_factor = factor_of(layout.time_unit, "s", "time");
     return columns;

@@ -14,7 +14,7 @@
 
 namespace orbid::orbits {
 
-/// Where a table holds a coordinate of the series: value = sign * (column * unit - offset).
+/// Where a table holds a coordinate of the series: value = sign * (column * factor * unit - offset).
 struct CoordinateColumn {
     SeriesCoordinate coordinate;  ///< what the column becomes
     std::string column;           ///< header of the column
@@ -22,6 +22,7 @@ struct CoordinateColumn {
     double sign = 1.0;            ///< +1 or -1
     double offset = 0.0;          ///< [unit of the coordinate], finite: the instrument's reading at the model's zero
     std::string sd = {};          ///< header of a column with the sd of every reading, in `unit`; empty = none
+    double factor = 1.0;          ///< > 0, of the instrument: units per number in the file, of a reading and of its sd
 };
 
 /// How a table of numbers becomes a Series.

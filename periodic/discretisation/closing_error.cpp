@@ -1,6 +1,7 @@
 #include "periodic/discretisation/closing_error.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <utility>
 
@@ -46,6 +47,8 @@ ClosingError closing_error(const Discretisation& discretisation, const MatrixXd&
     result.jacobians.resize(static_cast<std::size_t>(count));
     result.by_ln_time.resize(d * count, discretisation.unknown_time() ? 1 : 0);
     result.parameters.resize(d * count, f);
+    // ln T is the unknown: a step of a few hundred is infinite in T, or nothing.
+    if (discretisation.unknown_time() && !(time > 0.0 && std::isfinite(time))) return result;
     std::vector<unsigned char> failed(static_cast<std::size_t>(count), 0);
     std::vector<unsigned char> stuck(static_cast<std::size_t>(count), 0);
     tbb::parallel_for(Index{0}, count, [&](Index j) {

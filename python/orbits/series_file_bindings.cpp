@@ -36,7 +36,11 @@ std::vector<orbits::CoordinateColumn> columns(py::handle description, const py::
         } else {
             NamedArguments given("columns: " + name, value);
             column.column = given.text("column", name);
-            given.take({{"unit", column.unit}, {"sign", column.sign}, {"offset", column.offset}, {"sd", column.sd}});
+            given.take({{"unit", column.unit},
+                        {"sign", column.sign},
+                        {"offset", column.offset},
+                        {"sd", column.sd},
+                        {"factor", column.factor}});
             given.finish();
         }
         result.push_back(std::move(column));

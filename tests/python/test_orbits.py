@@ -238,6 +238,8 @@ def test_segments_times_and_files(tmp_path):
     part = orbid.read_csv(tmp_path / "bare.csv", {"phi": "phi"}, step=0.5, window=(1, 4), rows=(1, 8), every=2)
     assert part.sampling == "samples" and part.segments[0].times.tolist() == [1.0, 2.0, 3.0]
     assert np.ravel(part.segments[0].values).tolist() == [2.0, 4.0, 6.0]
+    volts = orbid.read_csv(tmp_path / "bare.csv", {"phi": {"column": "phi", "factor": 0.5}}, step=0.5)
+    assert np.ravel(volts.segments[0].values).tolist() == [0.5 * k for k in range(10)]
     with pytest.raises(ValueError, match="window: needs"):
         orbid.read_csv(tmp_path / "bare.csv", {"phi": "phi"}, step=0.5, window=(1,))
     with pytest.raises(TypeError, match="did you mean 'offset'"):

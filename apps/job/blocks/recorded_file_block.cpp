@@ -36,7 +36,11 @@ const FieldTable<ColumnJob>& column_fields() {
         open_field(key("column", header(), "Its header in the file.").required_always(), &ColumnJob::column),
         {key("unit", text(), "Of the column; the coordinate's own unless given."), read_unit,
          [](const ColumnJob& column, const Writing&) -> Json { return column.unit; }},
-        field(key("sign", one_of({1.0, -1.0}), "Model value = sign * (column * unit - offset)."), &ColumnJob::sign),
+        field(key("factor", above(0.0), "Of the instrument: 0.18 with \"unit\": \"m\" for 0.18 m per volt."),
+              &ColumnJob::factor)
+            .written_if([](const ColumnJob& column) { return column.factor != 1.0; }),
+        field(key("sign", one_of({1.0, -1.0}), "Model value = sign * (column * factor * unit - offset)."),
+              &ColumnJob::sign),
         field(key("offset", number(), "In the coordinate's unit."), &ColumnJob::offset)};
     return table;
 }

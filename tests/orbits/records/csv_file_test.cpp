@@ -61,7 +61,7 @@ bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
 }  // namespace
 
 TEST_CASE("columns are found by header and turned into model values", "[orbits]") {
-    // value = sign * (column * unit - offset): 90 deg with sign -1 and offset pi is pi/2.
+    // value = sign * (column * factor * unit - offset): 90 deg with sign -1 and offset pi is pi/2.
     const ScratchFolder folder;
     const auto file = folder.file("a.csv", "rate,ignored,theta\n1,x,90\n-2.5e-3,y,180\n+3,z,0\n");
     TableLayout layout = section_layout();
@@ -82,6 +82,16 @@ TEST_CASE("columns are found by header and turned into model values", "[orbits]"
     CHECK(values(1, 0) == 1.0);
     CHECK(values(1, 1) == -2.5e-3);
     CHECK(values(1, 2) == 3.0);
+
+    // 45 half degrees per unit are read as 90 deg; the sd of a reading takes the factor too.
+    const auto volts = folder.file("b.csv", "theta,rate,sd\n2,1,0.5\n");
+    layout.coordinates[0].factor = 45.0;
+    layout.coordinates[1].factor = 0.25;
+    layout.coordinates[1].sd = "sd";
+    const Series scaled = read_csv(volts, layout);
+    CHECK_THAT(scaled.segments[0].values(0, 0), WithinAbs(std::numbers::pi / 2, 1e-15));
+    CHECK(scaled.segments[0].values(1, 0) == 0.25);
+    CHECK(scaled.segments[0].deviations(1, 0) == 0.125);
 }
 
 TEST_CASE("delimiters, comments, quotes, line ends and the byte order mark are understood", "[orbits]") {
@@ -196,6 +206,7 @@ TEST_CASE("a layout that cannot be meant is a wrong call", "[orbits]") {
     refused([](TableLayout& l) { l.coordinates.clear(); }, "at least one coordinate");
     refused([](TableLayout& l) { l.coordinates[1].coordinate.name = "phi"; }, "mapped twice");
     refused([](TableLayout& l) { l.coordinates[0].sign = 2.0; }, "must be 1 or -1");
+    refused([](TableLayout& l) { l.coordinates[0].factor = 0.0; }, "factor is 0, must be > 0");
     refused([](TableLayout& l) { l.coordinates[0].offset = std::nan(""); }, "offset must be a finite number");
     refused([](TableLayout& l) { l.coordinates[0].unit = "degrees"; },
             "\"degrees\" cannot be turned into rad; known: rad");
