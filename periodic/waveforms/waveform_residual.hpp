@@ -11,7 +11,7 @@
 #include "models/arithmetic/matrix_layout.hpp"
 #include "models/system/system.hpp"
 #include "periodic/orbit/orbit.hpp"
-#include "periodic/waveforms/waveform_curve.hpp"
+#include "periodic/waveforms/steady_state_residual.hpp"
 #include "periodic/waveforms/waveform_record.hpp"
 
 #pragma GCC visibility push(default)
@@ -38,19 +38,10 @@ struct WaveformOptions {
 /// error scales integrate them out at the cost of a block, however many records there are. As parameters they would be
 /// a dense row each.
 ///
-/// x* comes from multiple shooting (solve_orbit), started from the solution at the last update_active_set(), moved to
-/// first order with its sensitivities. Where that does not converge, up to sixteen steps are taken along the line
-/// between the two parameter vectors. The orbit of a record at the start: find_waveform_start(). Derivatives are those
-/// of the computed prediction. They combine the sensitivities of the orbit, carried by the flow between its points, the
-/// motion of the places with omega (or T), and the sensor. BlockStatus::failed means that the orbit vanished (a fold),
-/// lost its period, or was reached only at `maximum_move` from its prediction; solutions() names the reason.
-///
-/// update_active_set() moves the solutions on to the present theta. It asks for another minimisation (three times at
-/// most) where they had moved by more than `maximum_move`. Blocks whose orbit is lost there are deactivated. They
-/// return, at most twice each, when it is found again. Where nothing else changes, the orbits of records that are still
-/// lost, also of those without one at the start, are sought once more as at the start, but at the present theta. There
-/// an orbit counts that resembles the record.
-class WaveformResidual final : public estimator::Residual {
+/// x* is followed as SteadyStateResidual says. The orbit of a record at the start: find_waveform_start(). Derivatives
+/// are those of the computed prediction. They combine the sensitivities of the orbit, carried by the flow between its
+/// points, the motion of the places with omega (or T), and the sensor.
+class WaveformResidual final : public SteadyStateResidual {
 public:
     /// A record whose orbit is not found at `start` is inactive from the beginning: start_status() says why.
     /// @throws std::invalid_argument naming value and rule. Model: a map, or one with measured inputs. No record or
@@ -66,26 +57,8 @@ public:
                      WaveformOptions options);
 
     [[nodiscard]] std::string_view type() const override { return "waveform"; }
-    [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }
-    [[nodiscard]] const std::vector<estimator::BlockLayout>& layout() const override { return initial_.layout; }
     [[nodiscard]] estimator::LatentStructure structure() const override;
     [[nodiscard]] std::vector<estimator::JointCovariance> covariances() const override { return options_.covariances; }
-    [[nodiscard]] std::vector<Eigen::VectorXd> initial_latents() const override { return initial_.latents; }
-    [[nodiscard]] estimator::ActiveSet initial_set() const override { return initial_; }
-    [[nodiscard]] std::vector<estimator::BlockValue> evaluate(const estimator::ActiveSet& active,
-                                                              const Eigen::VectorXd& theta,
-                                                              const std::vector<Eigen::VectorXd>& latents,
-                                                              bool derivatives) const override;
-    estimator::RefreshReport update_active_set(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
-                                               const std::vector<Eigen::VectorXd>& latents,
-                                               const Eigen::VectorXd& scales) const override;
-
-    /// The periodic solutions at theta, one per block, with multipliers; status tells why others did not converge.
-    /// Without sensitivities. They start from the solutions that the set remembers.
-    [[nodiscard]] std::vector<PeriodicOrbit> solutions(const estimator::ActiveSet& active,
-                                                       const Eigen::VectorXd& theta) const;
-    /// How the search for the orbit of a record at the start ended.
-    [[nodiscard]] OrbitStatus start_status(std::size_t block) const { return known(initial_, block).status; }
 
     /// Phase and offsets of a record: estimated ones from the latent states, known ones as given.
     struct Alignment {
@@ -104,7 +77,6 @@ public:
     [[nodiscard]] const std::vector<Source>& sources(std::size_t block) const { return blocks_[block].sources; }
     [[nodiscard]] const std::vector<WaveformRecord>& records() const { return records_; }
     [[nodiscard]] const std::vector<WaveformChannel>& channels() const { return options_.channels; }
-    [[nodiscard]] const models::System& system() const { return *system_; }
     /// Readings of an orbit at times of a record's clock, shape (channels, m), offsets included; empty if the flow
     /// cannot be followed.
     [[nodiscard]] Eigen::MatrixXd readings(const estimator::ActiveSet& active, std::size_t block,
@@ -116,27 +88,6 @@ private:
         std::vector<Source> sources;
         std::vector<Eigen::Index> unknowns;
     };
-    /// The last solution of a record. The memory of a set holds it, see known().
-    struct Known {
-        OrbitStatus status = OrbitStatus::no_progress;  ///< at the start, or where it was sought again
-        Eigen::VectorXd theta;                          ///< the estimator's; empty: none yet
-        PeriodicOrbit orbit;                            ///< sensitivities to the estimator's vector
-        PhaseOrigin origin;
-        Eigen::VectorXd scale;
-        double phase = 0.0;  ///< at the start, with the offsets
-        Eigen::VectorXd offsets;
-        int taken_back = 0;
-        bool sought_again = false;  ///< by seek_lost()
-    };
-    /// Vectors in that memory for each record; after them one with the number of anchorings.
-    static constexpr std::size_t memory_parts = 9;
-    [[nodiscard]] static Known known(const estimator::ActiveSet& active, std::size_t block);
-    /// With the latent states where the record starts.
-    void remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const;
-    struct FoundStart {
-        Known known;
-        double misfit = 0.0;  ///< mean square error of the record, over its variance
-    };
 
     void check_model() const;
     void check_channels() const;
@@ -146,23 +97,15 @@ private:
     void make_groups();
     [[nodiscard]] Block make_block(const WaveformRecord& record) const;
     [[nodiscard]] estimator::BlockLayout make_layout(const WaveformRecord& record, const Block& block) const;
-    [[nodiscard]] FoundStart find_start(std::size_t block, const Eigen::VectorXd& theta) const;
-    int seek_lost(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const;
-    /// Takes an orbit over as the last solution.
-    void keep(Known& known, std::size_t block, const PeriodicOrbit& orbit, const Eigen::VectorXd& theta) const;
-    [[nodiscard]] bool in_domain(const Eigen::VectorXd& values) const;
-    [[nodiscard]] PeriodicOrbit solve_near(std::size_t block, const Known& from, const Eigen::VectorXd& theta,
-                                           bool derivatives) const;
-    [[nodiscard]] PeriodicOrbit solve(std::size_t block, const Known& known, const Eigen::VectorXd& theta,
-                                      bool derivatives) const;
-    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const Eigen::VectorXd& theta,
-                                              const Eigen::VectorXd& latents, bool derivatives) const;
+    [[nodiscard]] FoundStart find_start(std::size_t block, const Eigen::VectorXd& theta) const override;
+    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const PeriodicOrbit& orbit,
+                                              const Eigen::VectorXd& theta, const Eigen::VectorXd& latents,
+                                              bool derivatives) const override;
+    [[nodiscard]] Eigen::VectorXd starting_latents(std::size_t block, const Known& known) const override;
 
-    std::shared_ptr<const models::System> system_;
     std::vector<WaveformRecord> records_;
     WaveformOptions options_;
     std::vector<Block> blocks_;
-    estimator::ActiveSet initial_;
 };
 
 }  // namespace orbid::periodic

@@ -1,5 +1,3 @@
-#include <oneapi/tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -78,7 +76,9 @@ void check_start(const models::System& system, const models::ParameterBinding& b
 
 WaveformResidual::WaveformResidual(std::shared_ptr<const models::System> system, std::vector<WaveformRecord> records,
                                    WaveformOptions options)
-    : system_(std::move(system)), records_(std::move(records)), options_(std::move(options)) {
+    : SteadyStateResidual(std::move(system), {options.maximum_move, options.flow}),
+      records_(std::move(records)),
+      options_(std::move(options)) {
     check_model();
     check_channels();
     require(!records_.empty(), "at least one record is needed");
@@ -86,18 +86,11 @@ WaveformResidual::WaveformResidual(std::shared_ptr<const models::System> system,
         check_record(record);
         check_readings(record);
         blocks_.push_back(make_block(record));
-        initial_.layout.push_back(make_layout(record, blocks_.back()));
+        add_block(record.binding, make_layout(record, blocks_.back()));
     }
     make_groups();
     check_covariances();
-    initial_.latents.resize(records_.size());
-    initial_.memory.resize(memory_parts * records_.size());
-    tbb::parallel_for(std::size_t{0}, records_.size(), [&](std::size_t b) {
-        const Known known = find_start(b, options_.start).known;
-        remember(initial_, b, known);
-        initial_.layout[b].active = known.status == OrbitStatus::converged;
-    });
-    initial_.memory.push_back(VectorXd::Zero(1));
+    find_starts(options_.start);
 }
 
 void WaveformResidual::check_model() const {

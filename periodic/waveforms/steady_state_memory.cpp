@@ -1,11 +1,11 @@
-// The last solution of a record in the memory of an active set: nine vectors, in this order: status, phase, counts, T
+// The last solution of a block in the memory of an active set: nine vectors, in this order: status, phase, counts, T
 // and rotation; theta; scale; points; sensitivities; those of T; point and normal of the phase's origin; offsets.
 #include "periodic/orbit/eigen_names.hpp"
-#include "periodic/waveforms/waveform_residual.hpp"
+#include "periodic/waveforms/steady_state_residual.hpp"
 
 namespace orbid::periodic {
 
-WaveformResidual::Known WaveformResidual::known(const estimator::ActiveSet& active, std::size_t block) {
+SteadyStateResidual::Known SteadyStateResidual::known(const estimator::ActiveSet& active, std::size_t block) {
     const VectorXd* part = &active.memory[memory_parts * block];
     const VectorXd& numbers = part[0];
     Known known;
@@ -27,7 +27,7 @@ WaveformResidual::Known WaveformResidual::known(const estimator::ActiveSet& acti
     return known;
 }
 
-void WaveformResidual::remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const {
+void SteadyStateResidual::remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const {
     VectorXd* part = &active.memory[memory_parts * block];
     VectorXd& numbers = part[0];
     numbers.resize(5 + std::ssize(known.orbit.rotation));
@@ -43,12 +43,7 @@ void WaveformResidual::remember(estimator::ActiveSet& active, std::size_t block,
     part[6] = known.origin.point;
     part[7] = known.origin.normal;
     part[8] = known.offsets;
-    VectorXd& start = active.latents[block];
-    start.resize(std::ssize(blocks_[block].unknowns));
-    for (Index i = 0; i < start.size(); ++i) {
-        const Index unknown = blocks_[block].unknowns[static_cast<std::size_t>(i)];
-        start(i) = unknown < 0 ? known.phase : known.offsets(unknown);
-    }
+    active.latents[block] = starting_latents(block, known);
 }
 
 }  // namespace orbid::periodic

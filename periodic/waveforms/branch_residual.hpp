@@ -1,0 +1,96 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/interface/residual.hpp"
+#include "models/definition/sensor.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
+#include "periodic/waveforms/orbit_measures.hpp"
+#include "periodic/waveforms/steady_state_residual.hpp"
+
+#pragma GCC visibility push(default)
+
+namespace orbid::periodic {
+
+/// One measure of all motions of a branch: one group of errors.
+struct BranchChannel {
+    OrbitMeasure measure = OrbitMeasure::half_range;
+    Eigen::Index coordinate = 0;  ///< in whose place the sensor reads; without meaning for the frequency
+    estimator::ErrorScale scale{true, 0.0, estimator::FlatPrior{}};  ///< start 0: from the residuals
+    estimator::ErrorDistribution distribution = estimator::NormalErrors{};
+    double floor = 0.0;      ///< least value of an estimated scale, >= 0
+    bool known_sds = false;  ///< the scale is a factor on MeasuredOrbit::deviations
+};
+
+/// A periodic motion of which amplitudes and frequency were measured, stable or unstable.
+struct MeasuredOrbit {
+    std::string label;  ///< names it in messages and reports: "U = 14.9"
+    /// Values of the parameters that hold here, and which of them are estimated.
+    models::ParameterBinding binding;
+    Eigen::VectorXd values;      ///< shape (channels); nan = not measured
+    Eigen::VectorXd deviations;  ///< known sds, shape (channels); empty: none is known
+    /// Orbits of the model that may be this one, at the start: points at phase 0, or a state and T. Of those that
+    /// Newton's method comes to from here the one with the least misfit is taken.
+    std::vector<StartingSolution> starts;
+};
+
+struct BranchOptions {
+    std::string name = "branch";          ///< prefix of group names: "branch.x.half_range", "branch.frequency"
+    std::vector<BranchChannel> channels;  ///< at least one, all different
+    models::Sensor sensor;                ///< of all motions
+    Eigen::VectorXd start;                ///< the estimator's vector at which the first solutions are computed
+    double maximum_move = 0.1;            ///< of a point of an orbit from its prediction, relative to its size; > 0
+    models::FlowOptions flow{1e-12, 1e-12, 100000};
+};
+
+/// The word of a measure, as in group names: "half_range".
+[[nodiscard]] const std::string& name_of(OrbitMeasure measure);
+
+/// Amplitudes and frequencies that were measured along a branch of periodic motions, over a parameter of the system,
+/// against computed ones:
+///
+///     e_c = y_c - m_c(x*(theta)),    m: an OrbitMeasure of a reading of the orbit x*
+///
+/// One block per motion, without latent states. The orbits are followed as SteadyStateResidual says. What counts is the
+/// motion itself, not its stability: unstable orbits, as control-based continuation measures them, are data like
+/// others.
+class BranchResidual final : public SteadyStateResidual {
+public:
+    /// @throws std::invalid_argument naming value and rule. Model: one with measured inputs, or a map. No motion or
+    ///         channel, two equal channels, bindings and starts of wrong lengths, options out of range.
+    /// @throws models::DataError naming motion, value and rule: wrong shapes; no measure at all, or an infinite one;
+    ///         log-normal errors of a measure not > 0; known sds that are missing.
+    BranchResidual(std::shared_ptr<const models::System> system, std::vector<MeasuredOrbit> orbits,
+                   BranchOptions options);
+
+    [[nodiscard]] std::string_view type() const override { return "branch"; }
+    [[nodiscard]] estimator::LatentStructure structure() const override { return estimator::LatentStructure::none; }
+    [[nodiscard]] const std::vector<MeasuredOrbit>& orbits() const { return orbits_; }
+    [[nodiscard]] const std::vector<BranchChannel>& channels() const { return options_.channels; }
+    /// The channel of each residual of a block.
+    [[nodiscard]] std::vector<std::size_t> sources(std::size_t block) const;
+
+private:
+    void check_channels() const;
+    void check_orbit(const MeasuredOrbit& orbit) const;
+    [[nodiscard]] estimator::Group make_group(const BranchChannel& channel) const;
+    [[nodiscard]] estimator::BlockLayout make_layout(std::size_t block) const;
+    [[nodiscard]] FoundStart find_start(std::size_t block, const Eigen::VectorXd& theta) const override;
+    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const PeriodicOrbit& orbit,
+                                              const Eigen::VectorXd& theta, const Eigen::VectorXd& latents,
+                                              bool derivatives) const override;
+    /// Of a block's measures, relative to their spread over the branch.
+    [[nodiscard]] double misfit(std::size_t block, const estimator::BlockValue& value) const;
+
+    std::vector<MeasuredOrbit> orbits_;
+    BranchOptions options_;
+    Eigen::VectorXd spread_;  ///< of each channel over all motions: its mean square
+};
+
+}  // namespace orbid::periodic
+
+#pragma GCC visibility pop
