@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/orbits_job.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "identification/problem/estimated_values.hpp"
@@ -128,6 +129,41 @@ void add_shooting_rows(const Workspace& work, std::size_t experiment, const orbi
                             reading.value - values[b].e[static_cast<Eigen::Index>(r)],
                             scale != nullptr ? scale->value * reading.deviation : estimator::nan_value});
         }
+    }
+}
+
+void add_branch_rows(const Workspace& work, const periodic::BranchResidual& residual,
+                     const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                     std::vector<ResidualRow>& rows) {
+    const Eigen::Index parameter = work.job.estimate->branch->parameter;
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (values[b].e.size() == 0) continue;
+        const periodic::MeasuredOrbit& orbit = residual.orbits()[b];
+        const auto sources = residual.sources(b);
+        for (std::size_t r = 0; r < sources.size(); ++r) {
+            const std::string& group = residual.groups()[sources[r]].name;
+            const auto* scale = scale_of(estimate, group);
+            const auto c = static_cast<Eigen::Index>(sources[r]);
+            const double known =
+                orbit.deviations.size() > 0 && residual.channels()[sources[r]].known_sds ? orbit.deviations[c] : 1.0;
+            const double observed = orbit.values[c];
+            rows.push_back({"branch", orbit.label, group.substr(group.find('.') + 1), orbit.binding.base[parameter],
+                            observed, observed - values[b].e[static_cast<Eigen::Index>(r)],
+                            scale != nullptr ? scale->value * known : estimator::nan_value});
+        }
+    }
+}
+
+void add_branch_states(const periodic::BranchResidual& residual, const estimator::ActiveSet& active,
+                       const Eigen::VectorXd& theta, ResultContext& context) {
+    const auto orbits = residual.solutions(active, theta);
+    for (std::size_t b = 0; b < orbits.size(); ++b) {
+        SteadyState state;
+        state.experiment = "branch";
+        state.segment = residual.orbits()[b].label;
+        state.used = active.layout[b].active;
+        state.orbit = orbits[b];
+        context.steady_states.push_back(std::move(state));
     }
 }
 

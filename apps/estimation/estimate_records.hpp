@@ -13,6 +13,7 @@
 #include "orbits/cycles/cycle_search.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
+#include "periodic/waveforms/branch_residual.hpp"
 
 namespace orbid::apps {
 
@@ -45,6 +46,15 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
 void add_shooting_rows(const Workspace& work, std::size_t experiment, const orbits::ShootingResidual& residual,
                        const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
                        std::vector<ResidualRow>& rows);
+
+/// One row per measure of every motion used, at the value of the parameter.
+void add_branch_rows(const Workspace& work, const periodic::BranchResidual& residual,
+                     const estimator::Estimate& estimate, const std::vector<estimator::BlockValue>& values,
+                     std::vector<ResidualRow>& rows);
+
+/// The computed orbit of every motion of a branch.
+void add_branch_states(const periodic::BranchResidual& residual, const estimator::ActiveSet& active,
+                       const Eigen::VectorXd& theta, ResultContext& context);
 
 /// The first node of every fitted segment.
 void add_first_nodes(const Job& job, std::size_t experiment, const orbits::ShootingResidual& residual,

@@ -129,6 +129,11 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         add_steady_states(job, residuals.waveform, active, theta, estimate.latents[index], sds(index), context);
         for (const auto& plot : waveform_plots(job, residuals.waveform, active, theta, estimate.latents[index]))
             work.folder.store(plot.first, plot.second);
+        ++index;
+    }
+    if (residuals.branch) {
+        add_branch_rows(work, *residuals.branch, estimate, estimate.residuals[index], rows);
+        add_branch_states(*residuals.branch, estimate.active[index], theta, context);
     }
     return rows;
 }

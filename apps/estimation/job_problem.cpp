@@ -8,8 +8,10 @@
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/flow_stepper.hpp"
 #include "apps/job/orbits_job.hpp"
+#include "apps/stages/periodic_stage.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "models/catalogue/registry.hpp"
+#include "orbits/records/series_file.hpp"
 
 namespace orbid::apps {
 
@@ -39,6 +41,47 @@ orbits::CycleTargetOptions cycle_targets(const Job& whole) {
     }
     targets.covariances = identification::joint_covariances(job.covariances, coordinates);
     return targets;
+}
+
+/// Reads the file of a branch.
+identification::BranchChoice branch_choice(const Job& job) {
+    const BranchResidualJob& asked = *job.estimate->branch;
+    identification::BranchChoice branch;
+    orbits::TableLayout layout;
+    const auto add = [&](std::string name, std::string unit, const ColumnJob& column, const std::string& sd) {
+        layout.coordinates.push_back({{std::move(name), std::move(unit), false},
+                                      column.column,
+                                      column.unit,
+                                      static_cast<double>(column.sign),
+                                      column.offset,
+                                      sd,
+                                      column.factor});
+    };
+    const models::Parameter& parameter = job.model.parameter(asked.parameter);
+    add(std::string(parameter.name), std::string(parameter.unit), asked.at, {});
+    for (const BranchResidualJob::Measure& one : asked.measures) {
+        const bool frequency = one.measure == periodic::OrbitMeasure::frequency;
+        const std::string unit(frequency ? "Hz" : job.model.coordinate(one.column.coordinate).unit);
+        add(fmt::format("{} {}", layout.coordinates.size(), periodic::name_of(one.measure)), unit, one.column,
+            one.error.sd_column);
+        branch.channels.push_back({one.measure, one.error});
+        branch.channels.back().errors.coordinate = one.column.coordinate;
+    }
+    const orbits::Series table = orbits::read_csv(*asked.file, layout);
+    const orbits::Segment& rows = table.segments.front();
+    branch.parameter = asked.parameter;
+    branch.at = rows.values.row(0);
+    if (!branch.at.allFinite())
+        throw orbits::DataError(fmt::format("{}: a value of {} is missing", asked.file->string(), parameter.name));
+    const Eigen::Index count = rows.values.rows() - 1;
+    branch.values = rows.values.bottomRows(count);
+    if (rows.deviations.size() > 0) branch.deviations = rows.deviations.bottomRows(count);
+    branch.start.points = asked.orbit.points;
+    branch.start.rotation = asked.orbit.rotation;
+    branch.start.time = asked.orbit.time;
+    branch.start.section = job_section(job);
+    branch.range = asked.range;
+    return branch;
 }
 
 identification::Experiment identification_experiment(const DataJob& job, const Experiment* record) {
@@ -73,6 +116,7 @@ identification::IdentificationProblem identification_problem(const Job& job, std
     if (job.estimate->cycles) problem.cycles = cycle_targets(job);
     problem.series = job.estimate->series;
     problem.waveform = job.estimate->waveform;
+    if (job.estimate->branch) problem.branch = branch_choice(job);
     problem.measured.section_phase = job.section_phase;
     if (job.orbits && !job.orbits->file) problem.measured.experiment = job.orbits->data;
     return problem;

@@ -12,6 +12,7 @@
 
 #include <Eigen/Core>
 
+#include "apps/job/column_job.hpp"
 #include "apps/job/model_job.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/prior.hpp"
@@ -45,16 +46,6 @@ struct SimulationJob {
     bool restart = true;                   ///< a captured or resting trajectory is restarted; false = only reported
     Eigen::VectorXd noise;                 ///< shape (n): sd of a reading in the coordinate's unit, >= 0
     Eigen::VectorXd noise_correlation;     ///< shape (n): of the errors of successive readings, in (-1, 1)
-};
-
-/// One coordinate read from a column of a table:  model value = sign * (column * factor * unit - offset).
-struct ColumnJob {
-    Eigen::Index coordinate = 0;  ///< index into System::coordinates()
-    std::string column;           ///< header in the file
-    std::string unit;             ///< of the column; one that orbits::unit_factor knows for the coordinate
-    int sign = 1;                 ///< +1 or -1
-    double offset = 0.0;          ///< in the coordinate's unit
-    double factor = 1.0;          ///< > 0, of the instrument: units per number in the file
 };
 
 /// A recorded series: a text table (.csv, .tsv, .txt), or a file written by orbid (.h5, .hdf5), which describes its

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -12,6 +13,8 @@
 
 #include <Eigen/Core>
 
+#include "apps/job/column_job.hpp"
+#include "apps/job/orbit_start.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/prior.hpp"
 #include "estimator/interface/residual.hpp"
@@ -59,11 +62,28 @@ struct CyclesResidualJob {
 using MatchingJob = identification::Matching;
 using SeriesResidualJob = identification::SeriesChoice;
 using WaveformResidualJob = identification::WaveformChoice;
+
+/// A file of amplitudes and frequencies that were measured over a parameter.
+struct BranchResidualJob {
+    std::optional<std::filesystem::path> file;  ///< absolute
+    std::string sha256;                         ///< of `file`, expected; empty: not given
+    Eigen::Index parameter = -1;                ///< of the model; < 0: refused
+    ColumnJob at;                               ///< its column; `coordinate` has no meaning
+    struct Measure {
+        periodic::OrbitMeasure measure = periodic::OrbitMeasure::half_range;
+        ColumnJob column;  ///< of the coordinate; of the frequency without meaning
+        ErrorJob error;
+    };
+    std::vector<Measure> measures;
+    OrbitStart orbit;                                ///< of the branch, at the job's own values; forced: at phase 0
+    std::optional<std::pair<double, double>> range;  ///< over which the branch is followed
+};
+
 using identification::ResidualType;
 using StageJob = identification::Stage;
 
 /// As jobs write them, in the order of ResidualType.
-inline const std::vector<std::string> residual_type_names{"cycles", "series", "waveform"};
+inline const std::vector<std::string> residual_type_names{"cycles", "series", "waveform", "branch"};
 
 /// Other models that the estimate is compared with.
 struct CriticismJob {
@@ -104,6 +124,7 @@ struct EstimateJob {
     std::optional<CyclesResidualJob> cycles;
     std::optional<SeriesResidualJob> series;
     std::optional<WaveformResidualJob> waveform;
+    std::optional<BranchResidualJob> branch;
     bool automatic = false;          ///< "strategy": "auto"
     std::vector<StageJob> strategy;  ///< in this order; each residual is used in at least one of them
     bool scan = false;               ///< the prediction starts with a coarse scan of the parameters over their bounds

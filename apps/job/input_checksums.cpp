@@ -7,6 +7,7 @@
 
 #include "apps/documents/fingerprint.hpp"
 #include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/orbits_job.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -47,6 +48,7 @@ void sign_files(Job& job) {
         if (data.inputs && data.inputs->file) sign(*data.inputs->file, data.inputs->sha256);
     }
     if (job.orbits && job.orbits->file) sign(*job.orbits->file, job.orbits->sha256);
+    if (job.estimate && job.estimate->branch) sign(*job.estimate->branch->file, job.estimate->branch->sha256);
 }
 
 }  // namespace orbid::apps

@@ -7,18 +7,12 @@
 
 #include <Eigen/Core>
 
+#include "apps/job/orbit_start.hpp"
 #include "periodic/branches/continuation.hpp"
 #include "periodic/search/orbit_search.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
 namespace orbid::apps {
-
-struct OrbitStart {
-    int period = 1;
-    std::vector<int> rotation;  ///< one per angle coordinate; empty: from the points
-    Eigen::MatrixXd points;     ///< shape (n, p)
-    double time = 0.0;          ///< T [s], > 0: autonomous models without a section, which have one point; else 0
-};
 
 /// Methods of the "periodic" block, in the order of periodic::OrbitMethod.
 inline const std::vector<std::string> periodic_method_names{"multiple_shooting", "finite_difference", "collocation"};

@@ -103,8 +103,11 @@ Json steady_state_json(const SteadyState& state) {
     out["experiment"] = state.experiment;
     out["segment"] = state.segment;
     out["used"] = state.used;
-    out["phase"] = state_value_json(state.phase);
-    out["offset"] = Json::object();
+    // Motions of a branch have neither.
+    if (!state.phase.coordinate.empty()) {
+        out["phase"] = state_value_json(state.phase);
+        out["offset"] = Json::object();
+    }
     for (const auto& offset : state.offsets)
         out["offset"][offset.coordinate] = state_value_json(offset);
     out["status"] = periodic::name(state.orbit.status);

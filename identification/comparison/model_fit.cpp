@@ -35,6 +35,7 @@ ModelFit::ModelFit(const StageInput& input, IdentificationProblem problem, std::
     input_.estimate.progress = {};
     add_series(problem_, setup_, prepared_);
     (void)add_waveform(problem_, setup_, setup_.start(), prepared_.waveform);
+    (void)add_branch(problem_, setup_, setup_.start(), prepared_.branch);
 }
 
 StageRun ModelFit::fit(const Stage& stage, const estimator::Estimate& from) {

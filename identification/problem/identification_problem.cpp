@@ -103,9 +103,24 @@ void complete_waveform(const IdentificationProblem& problem, WaveformChoice& wav
         if (one.offsets.empty()) one.offsets.resize(waveform.errors.size());
 }
 
+void check_branch(const IdentificationProblem& problem, const BranchChoice& branch) {
+    const auto count = static_cast<Index>(problem.system->parameters().size());
+    refuse_unless(branch.parameter >= 0 && branch.parameter < count,
+                  fmt::format("branch over parameter {}: the model has {}", branch.parameter, count));
+    const auto estimated = [&](const FreeModelParameter& free) { return free.parameter == branch.parameter; };
+    refuse_unless(std::none_of(problem.parameters.begin(), problem.parameters.end(), estimated),
+                  fmt::format("branch over {}: it is estimated too", problem.parameter(branch.parameter).name));
+    const auto channels = std::ssize(branch.channels);
+    refuse_unless(branch.at.size() > 0 && branch.at.allFinite(), "branch: needs values of its parameter");
+    refuse_unless(branch.values.rows() == channels && branch.values.cols() == branch.at.size(),
+                  fmt::format("branch: values have shape ({}, {}), must be ({}, {}): channels, motions",
+                              branch.values.rows(), branch.values.cols(), channels, branch.at.size()));
+    refuse_unless(!branch.range || branch.range->first < branch.range->second, "branch: its range must ascend");
+}
+
 /// What is used when nothing is named.
 void choose_residuals(IdentificationProblem& problem) {
-    if (problem.cycles || problem.series || problem.waveform) return;
+    if (problem.cycles || problem.series || problem.waveform || problem.branch) return;
     if (!problem.measured.search.cycles.empty()) {
         problem.cycles.emplace();
         if (const auto searched = problem.measured.experiment)
@@ -173,6 +188,7 @@ IdentificationProblem completed(IdentificationProblem problem) {
     choose_residuals(problem);
     if (problem.series) complete_series(problem, *problem.series);
     if (problem.waveform) complete_waveform(problem, *problem.waveform);
+    if (problem.branch) check_branch(problem, *problem.branch);
     return problem;
 }
 
@@ -184,6 +200,7 @@ std::vector<Stage> automatic_strategy(const StrategyData& data) {
     if (data.cycles && data.searched) stages.push_back({Kind::harvest, {ResidualType::cycles}});
     if (data.series) stages.push_back({Kind::residuals, {ResidualType::series}});
     if (data.waveform) stages.push_back({Kind::residuals, {ResidualType::waveform}});
+    if (data.branch) stages.push_back({Kind::residuals, {ResidualType::branch}});
     return stages;
 }
 
@@ -192,7 +209,7 @@ std::vector<Stage> automatic_strategy(const IdentificationProblem& problem) {
     const bool series = problem.series.has_value();
     return automatic_strategy(StrategyData{(cycles || series) && has_readings(problem), cycles,
                                            problem.measured.experiment && problem.measured.section, series,
-                                           problem.waveform.has_value()});
+                                           problem.waveform.has_value(), problem.branch.has_value()});
 }
 
 void check_strategy(const IdentificationProblem& problem, const std::vector<Stage>& strategy) {
@@ -203,7 +220,8 @@ void check_strategy(const IdentificationProblem& problem, const std::vector<Stag
         refuse_unless(predicts || !stage.residuals.empty(), "strategy: a stage names no residuals");
         const bool there = (!stage.uses(ResidualType::cycles) || problem.cycles) &&
                            (!stage.uses(ResidualType::series) || problem.series) &&
-                           (!stage.uses(ResidualType::waveform) || problem.waveform);
+                           (!stage.uses(ResidualType::waveform) || problem.waveform) &&
+                           (!stage.uses(ResidualType::branch) || problem.branch);
         refuse_unless(there, fmt::format("strategy: stage {}: the problem does not use such data", stage.name()));
     }
 }
@@ -211,7 +229,7 @@ void check_strategy(const IdentificationProblem& problem, const std::vector<Stag
 std::string Stage::name() const {
     if (kind == Kind::prediction) return "prediction";
     if (kind == Kind::harvest) return "harvest";
-    static constexpr std::array<std::string_view, 3> words{"cycles", "series", "waveform"};
+    static constexpr std::array<std::string_view, 4> words{"cycles", "series", "waveform", "branch"};
     std::string text;
     for (const ResidualType type : residuals)
         text += fmt::format("{}{}", text.empty() ? "" : " + ", words[static_cast<std::size_t>(type)]);

@@ -53,7 +53,8 @@ struct MeasuredCycles {
     orbits::CycleSearchOptions options;             ///< of that search
 };
 
-/// What is to be identified from what. At least one of `cycles`, `series` and `waveform` is used.
+/// What is to be identified from what. At least one of `cycles`, `series`, `waveform` and `branch` is
+/// used.
 struct IdentificationProblem {
     std::shared_ptr<const models::System> system;
     Eigen::VectorXd values;  ///< shape (q): all parameters, those that are not estimated hold; empty: the defaults
@@ -66,6 +67,7 @@ struct IdentificationProblem {
     std::optional<orbits::CycleTargetOptions> cycles;  ///< `measured` is used, in this way
     std::optional<SeriesChoice> series;
     std::optional<WaveformChoice> waveform;
+    std::optional<BranchChoice> branch;
 
     [[nodiscard]] const models::Coordinate& coordinate(Eigen::Index index) const {
         return system->coordinates()[static_cast<std::size_t>(index)];
@@ -76,7 +78,7 @@ struct IdentificationProblem {
 };
 
 /// The problem with every default filled in: parameters, names, observed coordinates, errors, initial states. Without
-/// any of `cycles`, `series` and `waveform`, measured cycles and all series of samples or sections are used.
+/// any of `cycles`, `series`, `waveform` and `branch`, measured cycles and all series of samples or sections are used.
 /// @throws std::invalid_argument naming value and rule where the problem contradicts itself.
 [[nodiscard]] IdentificationProblem completed(IdentificationProblem problem);
 
@@ -87,9 +89,11 @@ struct StrategyData {
     bool searched = false;  ///< for cycles, in a record at hand
     bool series = false;
     bool waveform = false;
+    bool branch = false;
 };
 
-/// Prediction, where a start can be predicted; cycles; more cycles, where they can be searched for; series; waveforms.
+/// Prediction, where a start can be predicted; cycles; more cycles, where they can be searched for; series; waveforms;
+/// branches.
 [[nodiscard]] std::vector<Stage> automatic_strategy(const StrategyData& data);
 [[nodiscard]] std::vector<Stage> automatic_strategy(const IdentificationProblem& problem);
 

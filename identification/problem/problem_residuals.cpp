@@ -100,6 +100,7 @@ std::vector<const estimator::Residual*> ProblemResiduals::all() const {
     for (const auto& residual : shooting)
         list.push_back(residual.get());
     if (waveform.residual) list.push_back(waveform.residual.get());
+    if (branch) list.push_back(branch.get());
     for (const auto& residual : prediction)
         list.push_back(residual.get());
     return list;
@@ -111,6 +112,7 @@ std::vector<std::unique_ptr<estimator::Residual>> ProblemResiduals::copies() con
     for (const auto& one : series)
         list.push_back(std::make_unique<orbits::SeriesResidual>(*one));
     if (waveform.residual) list.push_back(std::make_unique<periodic::WaveformResidual>(*waveform.residual));
+    if (branch) list.push_back(std::make_unique<periodic::BranchResidual>(*branch));
     return list;
 }
 
@@ -145,7 +147,8 @@ void add_series(const IdentificationProblem& problem, EstimateSetup& setup, Prob
 
 void check_enough_readings(const IdentificationProblem& problem, const EstimateSetup& setup,
                            const ProblemResiduals& residuals) {
-    const bool counted = !residuals.series.empty() || !residuals.shooting.empty() || residuals.waveform.residual;
+    const bool counted =
+        !residuals.series.empty() || !residuals.shooting.empty() || residuals.waveform.residual || residuals.branch;
     if (residuals.cycles || !counted) return;
     std::size_t readings = 0;
     std::size_t initial_values = 0;
@@ -170,6 +173,10 @@ void check_enough_readings(const IdentificationProblem& problem, const EstimateS
     for (std::size_t b = 0; b < residuals.waveform.places.size(); ++b) {
         add_name(residuals.waveform.places[b].experiment);
         add_block(residuals.waveform.residual->layout()[b]);
+    }
+    if (residuals.branch) {
+        names.emplace_back("branch");
+        std::for_each(residuals.branch->layout().begin(), residuals.branch->layout().end(), add_block);
     }
     const auto free = std::count_if(setup.parameters.begin(), setup.parameters.end(),
                                     [](const auto& parameter) { return !estimator::is_proper(parameter.prior); });

@@ -7,6 +7,7 @@
 #include "estimator/interface/residual.hpp"
 #include "identification/problem/estimate_setup.hpp"
 #include "identification/problem/identification_problem.hpp"
+#include "identification/problem/problem_branch.hpp"
 #include "identification/problem/problem_waveform.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/series_residuals/prediction_residual.hpp"
@@ -24,8 +25,9 @@ struct ProblemResiduals {
     std::vector<std::size_t> shooting_experiments;  ///< of `shooting`
     std::vector<std::unique_ptr<orbits::PredictionResidual>> prediction;
     ProblemWaveform waveform;
+    std::unique_ptr<periodic::BranchResidual> branch;
 
-    /// Cycles, then series by single and by multiple shooting, then the waveform; predictions last.
+    /// Cycles, then series by single and by multiple shooting, then waveform and branch; predictions last.
     [[nodiscard]] std::vector<const estimator::Residual*> all() const;
     /// A copy of each, but of nodes and predictions.
     [[nodiscard]] std::vector<std::unique_ptr<estimator::Residual>> copies() const;

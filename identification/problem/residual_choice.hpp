@@ -4,12 +4,15 @@
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "estimator/interface/eigen_layout.hpp"
 #include "identification/problem/record_errors.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
+#include "periodic/waveforms/orbit_measures.hpp"
 #include "periodic/waveforms/waveform_record.hpp"
 
 #pragma GCC visibility push(default)
@@ -54,7 +57,24 @@ struct WaveformChoice {
     std::vector<JointErrors> covariances;
 };
 
-enum class ResidualType { cycles, series, waveform };
+/// Amplitudes and frequencies of periodic motions, stable or unstable, that were measured over a parameter.
+struct BranchChoice {
+    struct Channel {
+        periodic::OrbitMeasure measure = periodic::OrbitMeasure::half_range;
+        RecordErrors errors;  ///< and the coordinate, without meaning for the frequency
+    };
+    Eigen::Index parameter = 0;  ///< of the model, which varies along the branch; it is not estimated
+    std::vector<Channel> channels;
+    Eigen::VectorXd at;          ///< shape (m): its values
+    Eigen::MatrixXd values;      ///< shape (channels, m); nan = not measured
+    Eigen::MatrixXd deviations;  ///< known sds, likewise; empty: none
+    /// An orbit of the branch at the problem's own values of all parameters, near enough for Newton's method.
+    periodic::StartingSolution start;
+    /// Over which the branch is followed; nothing: half as far again as the values reach.
+    std::optional<std::pair<double, double>> range;
+};
+
+enum class ResidualType { cycles, series, waveform, branch };
 
 /// One stage of a strategy; it starts from the best earlier one.
 struct Stage {

@@ -42,6 +42,11 @@ void make_waveform(const StageInput& input, const Eigen::VectorXd& start, Proble
         input.observer.remark(lost);
 }
 
+void make_branch(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
+    for (const std::string& lost : add_branch(input.problem, input.setup, start, residuals.branch))
+        input.observer.remark(lost);
+}
+
 /// The residual of the cycles, with its solutions around `start`.
 std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
                                                       const orbits::CycleTargetOptions& targets,
@@ -72,6 +77,13 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
             residuals.waveform.places = input.prepared.waveform.places;
         } else {
             make_waveform(input, starts(parameters), residuals);
+        }
+    }
+    if (stage.uses(ResidualType::branch)) {
+        if (starts(parameters) == input.setup.start()) {
+            residuals.branch = std::make_unique<periodic::BranchResidual>(*input.prepared.branch);
+        } else {
+            make_branch(input, starts(parameters), residuals);
         }
     }
     if (stage.uses(ResidualType::cycles) && !input.search.cycles.empty()) {
@@ -130,6 +142,7 @@ void try_starts(StageInput& input, StageValue& memory, bool known, ProblemResidu
     if (residuals.cycles)
         residuals.cycles = cycle_residual(input, *input.problem.cycles, starts(parameters), memory.cycles.nodes);
     if (residuals.waveform.residual) make_waveform(input, starts(parameters), residuals);
+    if (residuals.branch) make_branch(input, starts(parameters), residuals);
     if (!known) input.observer.begin("estimate", 0.0, {});
 }
 

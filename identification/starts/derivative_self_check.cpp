@@ -53,13 +53,13 @@ std::optional<FlowStart> of_transition(const IdentificationProblem& problem, std
 }
 
 /// From the first periodic solution there is, over a tenth of it.
-std::optional<FlowStart> of_waveform(const periodic::WaveformResidual& residual, const Eigen::VectorXd& start) {
+std::optional<FlowStart> of_orbits(const periodic::SteadyStateResidual& residual, const Eigen::VectorXd& start) {
     const auto orbits = residual.solutions(residual.initial_set(), start);
     for (std::size_t b = 0; b < orbits.size(); ++b) {
         if (orbits[b].status != periodic::OrbitStatus::converged) continue;
         FlowStart flow;
-        flow.theta = residual.records()[b].binding.values(start);
-        flow.free = residual.records()[b].binding.parameter;
+        flow.theta = residual.binding(b).values(start);
+        flow.free = residual.binding(b).parameter;
         flow.state = orbits[b].points.col(0);
         flow.durations = {0.1 * orbits[b].time};
         return flow;
@@ -91,7 +91,9 @@ std::optional<FlowStart> first_flow(const IdentificationProblem& problem, const 
         flow = of_series(problem.experiments[experiment], *residuals.series.front(), setup.experiments[experiment],
                          setup.start());
     } else if (residuals.waveform.residual) {
-        flow = of_waveform(*residuals.waveform.residual, setup.start());
+        flow = of_orbits(*residuals.waveform.residual, setup.start());
+    } else if (residuals.branch) {
+        flow = of_orbits(*residuals.branch, setup.start());
     } else if (problem.cycles && !problem.measured.search.cycles.empty()) {
         flow = of_cycle(*problem.system, problem.measured.search.cycles.front(), problem.measured.section_phase,
                         cycle_binding, setup.start());

@@ -46,6 +46,8 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     add_series(problem, setup, prepared);
     for (const std::string& lost : add_waveform(problem, setup, setup.start(), prepared.waveform))
         observer.remark(lost);
+    for (const std::string& lost : add_branch(problem, setup, setup.start(), prepared.branch))
+        observer.remark(lost);
     const models::ParameterBinding& cycle_binding = searched_binding(problem, setup);
     if (const auto flow = first_flow(problem, setup, prepared, cycle_binding, options.seed))
         observer.detail(compare_derivatives(*flow));

@@ -291,25 +291,4 @@ Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
     return TableReading(file, layout).read();
 }
 
-std::string read_origin(const std::filesystem::path& file) {
-    if (file.extension() != ".csv") return read_hdf5(file).origin;
-    constexpr std::string_view mark = "# origin: ";  // as write_csv puts it, on the first line
-    std::ifstream in(file, std::ios::binary);
-    if (!in) throw DataError(fmt::format("{}: cannot be opened", file.string()));
-    std::string line;
-    std::getline(in, line);
-    return line.starts_with(mark) ? line.substr(mark.size()) : std::string();
-}
-
-TableLayout table_layout(const Series& series) {
-    TableLayout layout;
-    layout.sampling = series.sampling;
-    layout.phase = series.phase;
-    layout.segment = "segment";
-    if (series.timed()) layout.time = std::string("t");
-    for (const SeriesCoordinate& coordinate : series.coordinates)
-        layout.coordinates.push_back({coordinate, coordinate.name, coordinate.unit, 1.0, 0.0, {}});
-    return layout;
-}
-
 }  // namespace orbid::orbits

@@ -9,6 +9,7 @@
 #include <variant>
 
 #include <fmt/format.h>
+#include <oneapi/tbb/parallel_for.h>
 
 #include "models/definition/parameter.hpp"
 #include "models/definition/wrong_data.hpp"
@@ -22,6 +23,17 @@ namespace {
 void require_call(bool rule, const std::string& message) {
     if (!rule) throw std::invalid_argument("branch residual: " + message);
 }
+
+/// Rounds in which all orbits are sought anew, so that an estimate ends.
+constexpr double most_rounds = 4;
+/// An orbit resembles a motion where their measures differ by less than half, on root mean square. A motion near a fold
+/// that the model has not reached has no orbit, and is not to be taken for another one.
+constexpr double resembling = 0.25;
+/// Measures are compared with their own size, but for those below this share of the channel's: means near 0.
+constexpr double smallest_share = 0.1;
+/// Another orbit is taken where it leaves less than this share of the misfit: at a fold two orbits differ by little.
+constexpr double better = 1.0 - 1e-9;
+constexpr double rounding = 1e-20;  // misfits of exact data differ by so much
 
 bool is_log_normal(const BranchChannel& channel) {
     return std::holds_alternative<estimator::LogNormalErrors>(channel.distribution);
@@ -164,24 +176,61 @@ double BranchResidual::misfit(std::size_t block, const estimator::BlockValue& va
     const auto measured = sources(block);
     double sum = 0.0;
     for (std::size_t r = 0; r < measured.size(); ++r) {
-        const double size = spread_(static_cast<Index>(measured[r])) / static_cast<double>(orbits_.size());
-        sum += value.e(static_cast<Index>(r)) * value.e(static_cast<Index>(r)) / std::max(size, 1e-300);
+        const auto c = static_cast<Index>(measured[r]);
+        const double e = value.e(static_cast<Index>(r));
+        const double own = orbits_[block].values(c) * orbits_[block].values(c);
+        const double mean = spread_(c) / static_cast<double>(orbits_.size());
+        // A measure that is 0 everywhere has no size to be compared with.
+        const double size = std::max(own, smallest_share * smallest_share * mean);
+        if (size > 0.0) sum += e * e / size;
     }
     return sum / static_cast<double>(measured.size());
 }
 
 SteadyStateResidual::FoundStart BranchResidual::find_start(std::size_t b, const VectorXd& theta) const {
+    return best_of(b, orbits_[b].starts, theta);
+}
+
+int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& theta) const {
+    double& rounds = active.memory.back()[1];
+    if (!options_.starts || rounds >= most_rounds) return 0;
+    ++rounds;
+    const auto starts = options_.starts(theta);
+    std::vector<unsigned char> changed(orbits_.size(), 0);
+    tbb::parallel_for(std::size_t{0}, std::min(starts.size(), orbits_.size()), [&](std::size_t b) {
+        const Known before = known(active, b);
+        FoundStart found = best_of(b, starts[b], theta);
+        if (found.known.status != OrbitStatus::converged) return;
+        double present = std::numeric_limits<double>::infinity();
+        if (active.layout[b].active) {
+            const PeriodicOrbit orbit = solve(b, before, theta, false);
+            if (orbit.status == OrbitStatus::converged) {
+                const estimator::BlockValue errors = value(b, before, orbit, theta, {}, false);
+                if (errors.status == estimator::BlockStatus::ok) present = misfit(b, errors);
+            }
+        }
+        // The same orbit again has the same misfit, to rounding.
+        if (!(found.misfit < better * present - rounding)) return;
+        found.known.taken_back = before.taken_back;
+        remember(active, b, found.known);
+        active.layout[b].active = true;
+        changed[b] = 1;
+    });
+    return static_cast<int>(std::count(changed.begin(), changed.end(), 1));
+}
+
+SteadyStateResidual::FoundStart BranchResidual::best_of(std::size_t b, const std::vector<StartingSolution>& starts,
+                                                        const VectorXd& theta) const {
     FoundStart best;
     best.misfit = std::numeric_limits<double>::infinity();
     const VectorXd values = binding(b).values(theta);
-    for (const StartingSolution& start : orbits_[b].starts) {
+    for (const StartingSolution& start : starts) {
         ShootingOptions options;
         options.flow = following().flow;
         options.maximum_distance = std::numeric_limits<double>::infinity();
         FoundStart found;
         found.known.orbit = solve_orbit(*system_, values, start, {}, options);
         found.known.status = found.known.orbit.status;
-        if (best.known.theta.size() == 0) best.known.status = found.known.status;
         if (found.known.status != OrbitStatus::converged) continue;
         // The size of the orbit, as its points show it: never 0.
         const MatrixXd& points = found.known.orbit.points;
@@ -201,7 +250,7 @@ SteadyStateResidual::FoundStart BranchResidual::find_start(std::size_t b, const 
         const estimator::BlockValue errors = value(b, found.known, solved, theta, {}, false);
         if (errors.status != estimator::BlockStatus::ok) continue;
         found.misfit = misfit(b, errors);
-        if (found.misfit < best.misfit) best = std::move(found);
+        if (found.misfit < resembling && found.misfit < best.misfit) best = std::move(found);
     }
     return best;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,7 +35,7 @@ struct MeasuredOrbit {
     Eigen::VectorXd values;      ///< shape (channels); nan = not measured
     Eigen::VectorXd deviations;  ///< known sds, shape (channels); empty: none is known
     /// Orbits of the model that may be this one, at the start: points at phase 0, or a state and T. Of those that
-    /// Newton's method comes to from here the one with the least misfit is taken.
+    /// Newton's method comes to from here the one with the least misfit is taken, if it resembles the motion.
     std::vector<StartingSolution> starts;
 };
 
@@ -45,6 +46,9 @@ struct BranchOptions {
     Eigen::VectorXd start;                ///< the estimator's vector at which the first solutions are computed
     double maximum_move = 0.1;            ///< of a point of an orbit from its prediction, relative to its size; > 0
     models::FlowOptions flow{1e-12, 1e-12, 100000};
+    /// Orbits of the model at another vector of the estimator that may be those measured, per motion; empty: none.
+    /// Asked where an estimate ends: near a fold a motion may have been taken for the other one, or for none.
+    std::function<std::vector<std::vector<StartingSolution>>(const Eigen::VectorXd& theta)> starts{};
 };
 
 /// The word of a measure, as in group names: "half_range".
@@ -80,10 +84,14 @@ private:
     [[nodiscard]] estimator::Group make_group(const BranchChannel& channel) const;
     [[nodiscard]] estimator::BlockLayout make_layout(std::size_t block) const;
     [[nodiscard]] FoundStart find_start(std::size_t block, const Eigen::VectorXd& theta) const override;
+    /// The best of these starts.
+    [[nodiscard]] FoundStart best_of(std::size_t block, const std::vector<StartingSolution>& starts,
+                                     const Eigen::VectorXd& theta) const;
+    int seek_again(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const override;
     [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const PeriodicOrbit& orbit,
                                               const Eigen::VectorXd& theta, const Eigen::VectorXd& latents,
                                               bool derivatives) const override;
-    /// Of a block's measures, relative to their spread over the branch.
+    /// Of a block's measures, relative to their size: mean square.
     [[nodiscard]] double misfit(std::size_t block, const estimator::BlockValue& value) const;
 
     std::vector<MeasuredOrbit> orbits_;

@@ -57,7 +57,7 @@ void SteadyStateResidual::find_starts(const VectorXd& theta) {
         remember(initial_, b, known);
         initial_.layout[b].active = known.status == OrbitStatus::converged;
     });
-    initial_.memory.push_back(VectorXd::Zero(1));
+    initial_.memory.push_back(VectorXd::Zero(2));  // anchorings, and what a derived residual counts
 }
 
 bool SteadyStateResidual::in_domain(const VectorXd& values) const {
@@ -158,7 +158,7 @@ std::vector<PeriodicOrbit> SteadyStateResidual::solutions(const estimator::Activ
 }
 
 /// Seeks the orbits of lost blocks anew, from what was measured, once per block. @return how many are back
-int SteadyStateResidual::seek_lost(estimator::ActiveSet& active, const VectorXd& theta) const {
+int SteadyStateResidual::seek_again(estimator::ActiveSet& active, const VectorXd& theta) const {
     std::vector<std::size_t> lost;
     for (std::size_t b = 0; b < bindings_.size(); ++b)
         if (!active.layout[b].active && !known(active, b).sought_again && in_domain(bindings_[b].values(theta)))
@@ -214,7 +214,7 @@ estimator::RefreshReport SteadyStateResidual::update_active_set(estimator::Activ
     if (again) ++anchorings;
     report.changed = report.lost + report.added > 0 || again;
     if (!report.changed) {
-        report.added = seek_lost(active, theta);
+        report.added = seek_again(active, theta);
         report.changed = report.added > 0;
     }
     return report;

@@ -50,6 +50,8 @@ public:
     /// How the search for the orbit of a block at the start ended.
     [[nodiscard]] OrbitStatus start_status(std::size_t block) const { return known(initial_, block).status; }
     [[nodiscard]] const models::System& system() const { return *system_; }
+    /// The parameters of a block, and which of them are estimated.
+    [[nodiscard]] const models::ParameterBinding& binding(std::size_t block) const { return bindings_[block]; }
 
 protected:
     /// The last solution of a block. The memory of a set holds it, see known().
@@ -62,7 +64,7 @@ protected:
         double phase = 0.0;  ///< at the start, with the offsets
         Eigen::VectorXd offsets;
         int taken_back = 0;
-        bool sought_again = false;  ///< by seek_lost()
+        bool sought_again = false;  ///< by seek_again()
     };
     struct FoundStart {
         Known known;
@@ -90,14 +92,21 @@ protected:
         return {};
     }
 
+    /// Where nothing else changes: seeks orbits anew at theta, for lost blocks from what was measured, once per block.
+    /// @return how many blocks have another orbit than before
+    virtual int seek_again(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const;
+
     [[nodiscard]] static estimator::BlockValue failed();
     [[nodiscard]] static Known known(const estimator::ActiveSet& active, std::size_t block);
+    void remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const;
     /// Takes an orbit over as the last solution.
     void keep(Known& known, std::size_t block, const PeriodicOrbit& orbit, const Eigen::VectorXd& theta) const;
     [[nodiscard]] PeriodicOrbit solve_near(std::size_t block, const Known& from, const Eigen::VectorXd& theta,
                                            bool derivatives) const;
-    [[nodiscard]] const models::ParameterBinding& binding(std::size_t block) const { return bindings_[block]; }
     [[nodiscard]] const Following& following() const { return following_; }
+    [[nodiscard]] bool in_domain(const Eigen::VectorXd& values) const;
+    [[nodiscard]] PeriodicOrbit solve(std::size_t block, const Known& known, const Eigen::VectorXd& theta,
+                                      bool derivatives) const;
 
     std::shared_ptr<const models::System> system_;
     estimator::ActiveSet initial_;
@@ -105,11 +114,6 @@ protected:
 private:
     /// Vectors of the memory for each block; after them one with the number of anchorings.
     static constexpr std::size_t memory_parts = 9;
-    void remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const;
-    int seek_lost(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const;
-    [[nodiscard]] bool in_domain(const Eigen::VectorXd& values) const;
-    [[nodiscard]] PeriodicOrbit solve(std::size_t block, const Known& known, const Eigen::VectorXd& theta,
-                                      bool derivatives) const;
 
     Following following_;
     std::vector<models::ParameterBinding> bindings_;

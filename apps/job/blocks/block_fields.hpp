@@ -8,6 +8,7 @@ namespace orbid::apps {
 
 struct SimulationJob;
 struct FileJob;
+struct ColumnJob;
 struct OrbitStart;
 struct ContinuationJob;
 
@@ -27,6 +28,11 @@ namespace orbid::apps::describe {
 void add_file_fields(FieldTable<DataJob>& table);
 /// Which part of a file is read: "window", "rows", "every", "spacing".
 [[nodiscard]] const FieldTable<FileJob>& record_part_fields();
+/// One column of a table: "theta", or { "column": "theta", "unit": "deg", "factor": 2, "sign": -1, "offset": 3.14 }.
+[[nodiscard]] const FieldTable<ColumnJob>& column_fields();
+[[nodiscard]] ValueSchema column();
+/// @param unit  of the quantity, in which the column is unless it says another.
+[[nodiscard]] ColumnJob read_column(const ValueReader& value, Eigen::Index index, std::string_view unit);
 /// The columns that orbid writes, for a table of which "columns" says nothing.
 void take_default_columns(const Job& job, FileJob& file);
 [[nodiscard]] Field<DataJob> sensor_field();

@@ -244,6 +244,16 @@ KeySchema errors_key() {
                "How readings err, by coordinate; one left out is normal with an estimated sd.");
 }
 
+ErrorJob read_error(const ValueReader& value, const Job& job) {
+    ErrorJob error = unknown_error(0);
+    read_object(value, error_fields(), error, job);
+    return error;
+}
+
+Json error_document(const ErrorJob& error, const Writing& at) {
+    return fields_document(error, error_fields(), at);
+}
+
 void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
                  std::vector<CovarianceJob>& covariances) {
     errors.clear();
@@ -267,9 +277,8 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
             }
             continue;
         }
-        ErrorJob read = unknown_error(0);
         const std::size_t problems_before = member.problem_count();
-        read_object(member, error_fields(), read, job);
+        ErrorJob read = read_error(member, job);
         const auto index = coordinate_named(name, member, job);
         if (!index) continue;
         read.coordinate = *index;

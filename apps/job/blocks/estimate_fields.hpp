@@ -38,6 +38,10 @@ void complete_series(ObjectReader& object, const Job& job, bool staged, SeriesRe
 void prepare_waveform(ObjectReader& object, const Job& job, WaveformResidualJob& waveform);
 void complete_waveform(ObjectReader& object, const Job& job, bool staged, WaveformResidualJob& waveform);
 
+[[nodiscard]] const FieldTable<BranchResidualJob>& measured_branch_fields();
+void prepare_branch(ObjectReader& object, const Job& job, BranchResidualJob& branch);
+void complete_branch(ObjectReader& object, const Job& job, bool staged, BranchResidualJob& branch);
+
 /// Of one parameter.
 [[nodiscard]] ValueSchema prior();
 [[nodiscard]] std::optional<estimator::Prior> read_prior(const ValueReader& value);
@@ -60,6 +64,9 @@ struct ErrorUse {
 void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, std::vector<ErrorJob>& errors,
                  std::vector<CovarianceJob>& covariances);
 
+/// One entry of "errors".
+[[nodiscard]] ErrorJob read_error(const ValueReader& value, const Job& job);
+[[nodiscard]] nlohmann::ordered_json error_document(const ErrorJob& error, const Writing& at);
 [[nodiscard]] const FieldTable<CovarianceJob>& covariance_fields();
 [[nodiscard]] KeySchema errors_key();
 [[nodiscard]] KeySchema covariance_key();
@@ -83,6 +90,9 @@ void add_error_fields(FieldTable<Residual>& table) {
                          return covariance_document(residual.covariances, at);
                      }});
 }
+
+/// "h.half_range", "frequency".
+[[nodiscard]] std::string measure_name(const Job& job, periodic::OrbitMeasure measure, Eigen::Index coordinate);
 
 /// Experiments by name.
 [[nodiscard]] nlohmann::ordered_json experiments_document(const std::vector<std::size_t>& data, const Writing& at);

@@ -10,17 +10,10 @@
 
 namespace orbid::apps::describe {
 
-namespace {
-
 using Json = nlohmann::ordered_json;
 using Sampling = orbits::Series::Sampling;
 
-std::string extension(const std::filesystem::path& path) {
-    std::string text = path.extension().string();
-    for (char& c : text)
-        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return text;
-}
+namespace {
 
 /// Its unit is the coordinate's until it is read.
 void read_unit(const ValueReader& value, const Job&, ColumnJob& column) {
@@ -30,6 +23,8 @@ void read_unit(const ValueReader& value, const Job&, ColumnJob& column) {
         value.report(
             fmt::format("unit \"{}\" cannot be turned into {}; known: {}", column.unit, own, orbits::units_like(own)));
 }
+
+}  // namespace
 
 const FieldTable<ColumnJob>& column_fields() {
     static const FieldTable<ColumnJob> table{
@@ -49,13 +44,21 @@ ValueSchema column() {
     return named("column", header() | object(keys_of(column_fields())));
 }
 
-/// "theta", or { "column": "theta", "unit": "deg", "sign": -1, "offset": 3.14 }.
-ColumnJob read_column(const ValueReader& value, Eigen::Index index, const models::Coordinate& entry) {
+ColumnJob read_column(const ValueReader& value, Eigen::Index index, std::string_view unit) {
     ColumnJob column;
     column.coordinate = index;
-    column.unit = entry.unit;
+    column.unit = unit;
     read_short_or_object(value, "column", column_fields(), column);
     return column;
+}
+
+namespace {
+
+std::string extension(const std::filesystem::path& path) {
+    std::string text = path.extension().string();
+    for (char& c : text)
+        c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return text;
 }
 
 template <class Table>
@@ -101,7 +104,7 @@ void read_columns(const ValueReader& value, const Job& job, FileJob& file) {
         if (const auto* own = find_field(table_fields(), name)) {
             own->read(member, job, file);
         } else if (const auto coordinate = coordinate_named(name, member, job)) {
-            file.columns.push_back(read_column(member, *coordinate, job.model.coordinate(*coordinate)));
+            file.columns.push_back(read_column(member, *coordinate, job.model.coordinate(*coordinate).unit));
         }
     }
     std::sort(file.columns.begin(), file.columns.end(),
@@ -234,7 +237,7 @@ void read_inputs(const ValueReader& value, const Job& job, DataJob& data) {
     read_fields(columns, input_file_fields(), input, job);
     for (std::size_t i = 0; i < inputs.size(); ++i) {
         const auto column = columns.require(inputs[i].name, "the column of this input");
-        if (column) input.columns.push_back(read_column(*column, static_cast<Eigen::Index>(i), inputs[i]));
+        if (column) input.columns.push_back(read_column(*column, static_cast<Eigen::Index>(i), inputs[i].unit));
     }
     if (!columns.find("file")) check_input_source(value, data);
     // Without the model its inputs would be called unknown.

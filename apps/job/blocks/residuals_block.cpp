@@ -13,6 +13,7 @@ std::vector<ResidualType> EstimateJob::residual_types() const {
     if (cycles) present.push_back(ResidualType::cycles);
     if (series) present.push_back(ResidualType::series);
     if (waveform) present.push_back(ResidualType::waveform);
+    if (branch) present.push_back(ResidualType::branch);
     return present;
 }
 
@@ -90,6 +91,13 @@ struct ResidualReading {
     }
 };
 
+void check_branch_parameter(ObjectReader& object, const EstimateJob& estimate) {
+    for (const FreeParameterJob& free : estimate.parameters)
+        if (free.parameter == estimate.branch->parameter)
+            object.find("parameter")
+                ->report(fmt::format("{} is estimated: the parameter of a branch is known", free.value.name));
+}
+
 void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estimate) {
     const bool staged = estimate.automatic;
     for (const ValueReader& item : value.items()) {
@@ -109,6 +117,11 @@ void read_residuals(const ValueReader& value, const Job& job, EstimateJob& estim
             case ResidualType::waveform:
                 ResidualReading<WaveformResidualJob>{waveform_fields(), prepare_waveform, complete_waveform}.read(
                     object, job, staged, estimate.waveform);
+                break;
+            case ResidualType::branch:
+                ResidualReading<BranchResidualJob>{measured_branch_fields(), prepare_branch, complete_branch}.read(
+                    object, job, staged, estimate.branch);
+                check_branch_parameter(object, estimate);
                 break;
         }
     }
@@ -145,14 +158,16 @@ ValueSchema residual() {
     add_keys(keys, ResidualType::cycles, cycles_fields());
     add_keys(keys, ResidualType::series, series_fields());
     add_keys(keys, ResidualType::waveform, waveform_fields());
+    add_keys(keys, ResidualType::branch, measured_branch_fields());
     const auto common = std::stable_partition(keys.begin(), keys.end(), [](const KeySchema& one) {
         return one.only_with->values.size() < residual_type_names.size();
     });
     std::for_each(common, keys.end(), [](KeySchema& one) { one.only_with.reset(); });
-    keys.insert(keys.begin(),
-                key("type", choice(residual_type_names),
-                    "What is compared: points of cycles, a recorded series, or measured periodic steady states.")
-                    .required_always());
+    keys.insert(keys.begin(), key("type", choice(residual_type_names),
+                                  "What is compared: points of cycles, a recorded series, measured periodic steady "
+                                  "states, or their amplitudes "
+                                  "and frequencies over a parameter.")
+                                  .required_always());
     return named("residual", object(keys));
 }
 
@@ -198,6 +213,7 @@ Field<EstimateJob> residuals_field() {
                 add_document(list, ResidualType::cycles, estimate.cycles, cycles_fields(), at);
                 add_document(list, ResidualType::series, estimate.series, series_fields(), at);
                 add_document(list, ResidualType::waveform, estimate.waveform, waveform_fields(), at);
+                add_document(list, ResidualType::branch, estimate.branch, measured_branch_fields(), at);
                 return list;
             }};
 }

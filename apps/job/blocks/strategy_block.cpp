@@ -92,8 +92,11 @@ void read_strategy(const ValueReader& value, const Job& job, EstimateJob& estima
     if (value.refused() || estimate.residual_types().empty()) return;
     if (value.is(JsonValue::Kind::array)) {
         read_stages(value, job, estimate);
-    } else if (estimate.waveform) {
-        value.report("\"auto\" knows no waveforms: list the stages, [\"waveform\"] for example");
+    } else if (estimate.waveform || estimate.branch) {
+        const auto present = estimate.residual_types();
+        value.report(fmt::format("\"auto\" knows no {}: list the stages, [\"{}\"] for example",
+                                 estimate.waveform ? "waveforms" : "branches",
+                                 name_of(present.back(), residual_type_names)));
     } else {
         estimate.strategy = identification::automatic_strategy(
             identification::StrategyData{has_readings(job, estimate), estimate.cycles.has_value(), is_searched(job),

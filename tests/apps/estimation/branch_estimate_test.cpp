@@ -1,0 +1,132 @@
+// Jobs that estimate from amplitudes and frequencies over a parameter: a branch of Duffing's oscillator with its folds.
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "models/catalogue/registry.hpp"
+#include "periodic/branches/continuation.hpp"
+#include "tests/apps/program/program.hpp"
+#include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
+
+namespace branch_estimate_test {
+
+using namespace orbid;
+using namespace orbid::tests;
+
+namespace {
+
+const char* const head = R"({ "model": { "name": "duffing",
+  "parameters": { "alpha": 1, "omega": 1.2, "beta": 0.3, "gamma": 0.4, "delta": 0.1 } },)";
+
+/// A row per orbit of the true branch at these frequencies, in tenths of the amplitude.
+std::string measured_branch() {
+    const auto system = models::make_system("duffing", "");
+    Eigen::VectorXd values = system->default_parameters();
+    const auto set = [&](const char* name, double value) { values[system->parameter_index(name)] = value; };
+    set("alpha", 1.0);
+    set("omega", 1.2);
+    set("beta", 0.3);
+    set("gamma", 0.4);
+    set("delta", 0.1);
+    periodic::StartingSolution start;
+    start.points = Eigen::Vector2d(1.6, 0.4);
+    periodic::ContinuationOptions options;
+    options.parameter = system->parameter_index("omega");
+    options.lower = 1.0;
+    options.upper = 1.7;
+    options.first_step = 1e-3;
+    options.largest_step = 2e-3;
+    options.solver.maximum_distance = 10.0;
+    options.maximum_points = 20000;
+    const auto diagram = periodic::follow_branches(*system, values, start, options);
+    REQUIRE(diagram.branches.size() == 1);
+    std::ostringstream table;
+    table.precision(17);
+    table << "w,a,v\n";
+    int rows = 0;
+    const auto& points = diagram.branches[0].points;
+    for (std::size_t k = 20; k + 1 < points.size(); k += 60, ++rows)
+        table << points[k].parameter << ',' << 10.0 * points[k].amplitude.half_range(0) << ','
+              << (rows == 2 ? std::string() : fmt::format("{}", points[k].amplitude.rms(1))) << '\n';
+    REQUIRE(rows >= 6);
+    return table.str();
+}
+
+std::string job_text(const std::string& more = "") {
+    return std::string(head) + R"(
+  "estimate": {
+    "parameters": { "delta": { "start": 0.103 }, "beta": { "start": 0.29 }, "gamma": { "start": 0.41 } },
+    "residuals": [ { "type": "branch", "file": "table.csv", "parameter": "omega",
+      "columns": { "omega": "w", "x.half_range": { "column": "a", "factor": 0.1 }, "x_dot.rms": "v" },
+      "orbit": { "period": 1, "points": [[1.6, 0.4]] })" +
+           more + R"( } ] } })";
+}
+
+}  // namespace
+
+TEST_CASE("a branch with its folds gives the parameters back", "[apps][run]") {
+    TemporaryFolder folder;
+    write_text(folder.path() / "table.csv", measured_branch());
+    const Path job = write_text(folder.path() / "job.json", job_text());
+    const Path out = folder.path() / "out";
+    const Outcome outcome = orbid_with({"run", job, "--out", out});
+    CAPTURE(outcome.out, outcome.error);
+    REQUIRE(outcome.code == 0);
+    const json result = read_json(out / "result.json");
+    CHECK(result["status"] == "converged");
+    for (const auto& [name, truth] : {std::pair{"delta", 0.1}, std::pair{"beta", 0.3}, std::pair{"gamma", 0.4}})
+        CHECK_THAT(result["parameters"][name]["value"].get<double>(), WithinAbs(truth, 1e-7));
+    CHECK(result["errors"].contains("branch.x.half_range"));
+    const json& states = result["steady_states"];
+    std::size_t unstable = 0, used = 0;
+    for (const json& state : states) {
+        used += state["used"] == true ? 1 : 0;
+        CHECK(state["experiment"] == "branch");
+        CHECK_FALSE(state.contains("phase"));
+        bool grows = false;
+        for (const json& one : state["multipliers"])
+            grows = grows || std::hypot(one[0].get<double>(), one[1].get<double>()) > 1.0;
+        unstable += grows ? 1 : 0;
+    }
+    // At the fold itself there may be no orbit, to rounding.
+    CHECK(used + 1 >= states.size());
+    CHECK(unstable > 0);
+    CHECK(unstable < states.size());
+    std::ifstream rows(out / "residuals.csv");
+    std::size_t lines = 0;
+    for (std::string line; std::getline(rows, line);)
+        ++lines;
+    CHECK(lines == 2 * used);  // the header, and one measure is missing
+    CHECK(orbid_with({"report", out}).code == 0);
+    // The stored job is the same job.
+    const Outcome again = orbid_with({"run", out / "job.json", "--out", folder.path() / "again"});
+    CHECK(again.code == 0);
+    CHECK(read_json(folder.path() / "again" / "result.json")["parameters"] == result["parameters"]);
+}
+
+TEST_CASE("branches that cannot be used say why", "[apps][run]") {
+    TemporaryFolder folder;
+    const auto said = [&](const std::string& table, const std::string& text) {
+        write_text(folder.path() / "table.csv", table);
+        const Path job = write_text(folder.path() / "job.json", text);
+        const Outcome outcome = orbid_with({"run", job, "--out", folder.path() / "out", "--force"});
+        CHECK(outcome.code == 3);
+        return outcome.error;
+    };
+    CHECK_THAT(said("w,b,v\n1.2,1,1\n", job_text()), ContainsSubstring("no column \"a\""));
+    CHECK_THAT(said("w,a,v\n,1,1\n", job_text()), ContainsSubstring("a value of omega is missing"));
+    CHECK_THAT(said("w,a,v\n1.2,,\n1.3,1,1\n", job_text()), ContainsSubstring("omega = 1.2: nothing is measured"));
+    CHECK_THAT(said("w,a,v\n9,1,1\n9.1,1,1\n9.2,1,1\n", job_text(R"(, "range": [1.1, 1.3])")),
+               ContainsSubstring("branch") && ContainsSubstring("omega = 9"));
+    std::string text = job_text();
+    text.replace(text.find("[[1.6, 0.4]]"), 12, "[[1e9, 1e9]]");
+    CHECK_THAT(said("w,a,v\n1.2,10,1\n1.3,10,1\n1.4,10,1\n", text),
+               ContainsSubstring("branch: no branch begins at the given orbit"));
+}
+
+}  // namespace branch_estimate_test
