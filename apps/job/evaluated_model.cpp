@@ -74,7 +74,7 @@ double interpreted_seconds(const Job& job) {
         if (job.estimate->series || job.estimate->waveform) seconds += repeated * fitted * derivatives_s;
         if (job.estimate->cycles) seconds += repeated * 2000.0 * derivatives_s;
         // A branch is followed at the start and wherever orbits are sought again.
-        if (job.estimate->branch) seconds += repeated * 20000.0 * derivatives_s;
+        if (job.estimate->branch) seconds += repeated * 25000.0 * derivatives_s;
     }
     return seconds;
 }

@@ -25,7 +25,7 @@ constexpr double seconds_per_byte = 1e-8;      // reading a table
 constexpr double clean_search = 3e-6;          // a point of a section, cycles by local maps
 constexpr double noisy_search = 1.5e-3;        // a point, cycles by one map fitted to all
 constexpr double search_per_period = 0.1;      // solving and fitting what was found
-constexpr double branch_orbits = 30.0;         // solved per evaluation of a branch, those on the way included
+constexpr double branch_orbits = 300.0;        // solved per evaluation, on the way and along the branch
 constexpr double orbit_steps = 10.0;           // of Newton's method and along the orbit, with their derivatives
 constexpr double cycles_per_period = 30.0;     // that a search of a chaotic series comes to
 // Evaluations with derivatives until a minimisation has ended, its start and its uncertainties included.
