@@ -33,7 +33,7 @@ constexpr double resembling = 0.25;
 constexpr double smallest_share = 0.1;
 /// Another orbit is taken where it leaves less than this share of the misfit: at a fold two orbits differ by little.
 constexpr double better = 1.0 - 1e-9;
-constexpr double rounding = 1e-20;  // misfits of exact data differ by so much
+constexpr double rounded_misfit = 1e-20;  // by which those of exact data differ
 
 bool is_log_normal(const BranchChannel& channel) {
     return std::holds_alternative<estimator::LogNormalErrors>(channel.distribution);
@@ -209,8 +209,8 @@ int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& the
                 if (errors.status == estimator::BlockStatus::ok) present = misfit(b, errors);
             }
         }
-        // The same orbit again has the same misfit, to rounding.
-        if (!(found.misfit < better * present - rounding)) return;
+        // The same orbit again has the same misfit, to rounded_misfit.
+        if (!(found.misfit < better * present - rounded_misfit)) return;
         found.known.taken_back = before.taken_back;
         remember(active, b, found.known);
         active.layout[b].active = true;
