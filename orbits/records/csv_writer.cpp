@@ -1,5 +1,6 @@
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <memory>
 #include <set>
 #include <stdexcept>

@@ -209,7 +209,7 @@ int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& the
                 if (errors.status == estimator::BlockStatus::ok) present = misfit(b, errors);
             }
         }
-        // The same orbit again has the same misfit, to rounded_misfit.
+        // The same orbit again has the same misfit, to rounding.
         if (!(found.misfit < better * present - rounded_misfit)) return;
         found.known.taken_back = before.taken_back;
         remember(active, b, found.known);
