@@ -27,7 +27,8 @@ constexpr double noisy_search = 1.5e-3;        // a point, cycles by one map fit
 constexpr double search_per_period = 0.1;      // solving and fitting what was found
 constexpr double branch_orbits = 300.0;        // solved per evaluation, on the way and along the branch
 constexpr double orbit_steps = 10.0;           // of Newton's method and along the orbit, with their derivatives
-constexpr double cycles_per_period = 30.0;     // that a search of a chaotic series comes to
+constexpr double samples_per_crossing = 50.0;
+constexpr double cycles_per_period = 30.0;  // that a search of a chaotic series comes to
 // Evaluations with derivatives until a minimisation has ended, its start and its uncertainties included.
 constexpr double cycle_sweeps = 100.0;
 constexpr double series_sweeps = 30.0;
@@ -126,8 +127,11 @@ private:
     [[nodiscard]] double search_seconds() const {
         const DataJob& data = job_.data[job_.orbits->data];
         const auto periods = static_cast<double>(job_.orbits->search.periods.size());
+        // Samples are cut: a motion crosses a plane, or its phase returns, once in so many.
+        const bool cut = data.sampling() == orbits::Series::Sampling::samples;
+        const double searched = points(job_.orbits->data) / (cut ? samples_per_crossing : 1.0);
         const double point = is_clean(data) ? clean_search : noisy_search;
-        return (points(job_.orbits->data) * point + periods * search_per_period) / threads_;
+        return (searched * point + periods * search_per_period) / threads_;
     }
 
     void periodic() {
