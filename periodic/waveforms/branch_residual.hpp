@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include "estimator/interface/residual.hpp"
+#include "models/arithmetic/matrix_layout.hpp"
 #include "models/definition/sensor.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/waveforms/orbit_measures.hpp"

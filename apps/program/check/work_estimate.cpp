@@ -230,7 +230,8 @@ private:
             if (stage.kind == StageJob::Kind::harvest) seconds += 2.0 * search_seconds();
             // Residuals with their derivatives after parameters and the two states at the ends of an interval, and
             // the factors of their normal equations.
-            const double memory = 4.0 * (cycles * n_ + read) * (free + 2.0 * n_) * bytes;
+            const double followed = stage.uses(ResidualType::branch) ? branch_orbits : 0.0;
+            const double memory = 4.0 * ((cycles + followed) * n_ + read) * (free + 2.0 * n_) * bytes;
             add(estimate.strategy.size() > 1 ? stage.name() : "estimate", amount, memory, seconds);
         }
         exploration(last, free);

@@ -210,7 +210,8 @@ TEST_CASE("every job in configs is read, and its complete form reads back", "[ap
             CHECK(a.upper == b.upper);
             CHECK(a.scale == b.scale);
         }
-        if (reading.job->data[0].file) CHECK(again.job->data[0].file->paths == reading.job->data[0].file->paths);
+        if (!reading.job->data.empty() && reading.job->data[0].file)
+            CHECK(again.job->data[0].file->paths == reading.job->data[0].file->paths);
     }
     CHECK(count >= 4);
 }
