@@ -21,7 +21,8 @@ void read_flow(ObjectReader& root, Job& job) {
     const auto value = root.find("flow");
     if (!value) return;
     read_object(*value, describe::flow_fields(), job, job);
-    if (job.stepper != FlowStepper::odeint || !job.model.system) return;
+    // What the stepper can do is asked of a model at values that are allowed.
+    if (job.stepper != FlowStepper::odeint || !job.model.system || value->problem_count() > 0) return;
     const std::string why = odeint_refusal(job);
     if (why.empty())
         job.model.system = with_stepper(job.model.system, job.stepper);
