@@ -36,11 +36,13 @@ struct Transition {
                                                   std::size_t count, std::uint64_t seed);
 
 /// The same with one system per segment of the series, each with its measured inputs, or one in all.
+/// @param known  states at all samples of every segment (track_states()), shape (n, samples); none: from the readings.
 [[nodiscard]] std::vector<Transition> transitions(std::span<const std::shared_ptr<const models::System>> systems,
                                                   const Eigen::VectorXd& theta, const Series& series,
                                                   const models::Sensor& sensor,
                                                   const std::vector<std::size_t>& segments, Eigen::Index interval,
-                                                  std::size_t count, std::uint64_t seed);
+                                                  std::size_t count, std::uint64_t seed,
+                                                  std::span<const Eigen::MatrixXd> known = {});
 
 /// The error of a predicted transition: to - Phi(from), angles wrapped, and derivatives of Phi.
 struct Prediction {
@@ -74,6 +76,9 @@ struct Prediction {
 [[nodiscard]] Eigen::VectorXd coordinate_range(const models::System& system, const Series& series,
                                                const Eigen::MatrixXd& states);
 
+/// The same of what states span alone: where readings are no states.
+[[nodiscard]] Eigen::VectorXd state_range(const models::System& system, const Eigen::MatrixXd& states);
+
 /// Sampling intervals from node to node such that errors of a node grow by no more than a factor e (the spectral norm
 /// of X, coordinates in units of their ranges), and predictions from the states that the data say stay within a fifth
 /// of the range; both in nine of ten places of the record and at the given parameters. 1 for sections.
@@ -82,8 +87,10 @@ struct Prediction {
 ///
 /// @param systems  one per segment of the series, each with its measured inputs, or one in all.
 /// @param theta    shape (q), all parameters of the system.
+/// @param known    as in transitions().
 [[nodiscard]] Eigen::Index shooting_interval(std::span<const std::shared_ptr<const models::System>> systems,
                                              const Eigen::VectorXd& theta, const Series& series,
-                                             const models::Sensor& sensor, const std::vector<std::size_t>& segments);
+                                             const models::Sensor& sensor, const std::vector<std::size_t>& segments,
+                                             std::span<const Eigen::MatrixXd> known = {});
 
 }  // namespace orbid::orbits
