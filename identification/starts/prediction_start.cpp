@@ -77,8 +77,13 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Identifica
                                                                 const Eigen::VectorXd& theta, std::size_t experiments,
                                                                 std::uint64_t seed) {
     const Experiment& data = problem.experiments[experiment];
-    const orbits::Series& series = *data.series;
     const models::System& system = *problem.system;
+    orbits::Series delayed;  // a later input is an earlier clock
+    if (data.delay) {
+        delayed = *data.series;
+        delayed.phase = -binding.values(theta)[*data.delay];
+    }
+    const orbits::Series& series = data.delay ? delayed : *data.series;
     auto systems = systems_with(problem.system, data.inputs);
     try {
         const auto segments = data.fitted_segments();
@@ -91,6 +96,10 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Identifica
         for (Eigen::Index i = 0; i < states.cols(); ++i)
             states.col(i) = list[static_cast<std::size_t>(i)].from;
         orbits::PredictionOptions options;
+        options.delay = data.delay;
+        if (data.delay)
+            for (orbits::Transition& one : list)
+                one.phase += values[*data.delay];
         if (experiments > 1) options.name = "prediction." + data.name;
         options.sizes = orbits::error_sizes(data.sensor, orbits::coordinate_range(system, series, states));
         return std::make_unique<orbits::PredictionResidual>(std::move(systems), binding, std::move(list),
@@ -111,6 +120,7 @@ void add_shooting(const IdentificationProblem& problem, const EstimateSetup& set
         const Experiment& measured = problem.experiments[experiment];
         orbits::ShootingOptions options = shooting_options(problem, experiment, start);
         options.inputs = measured.inputs;
+        options.delay = setup.delay(measured, experiment);
         if (!nodes.empty()) options.nodes = nodes.at(i);
         try {
             residuals.shooting.push_back(std::make_unique<orbits::ShootingResidual>(

@@ -32,8 +32,8 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
         follow_states(*data, all);
     data->interval = data->options.interval > 0
                          ? data->options.interval
-                         : shooting_interval(data->systems, all, data->series, data->options.sensor,
-                                             data->options.segments, data->tracks);
+                         : shooting_interval(data->systems, data->tracks.empty() ? all : data->track_theta,
+                                             data->series, data->options.sensor, data->options.segments, data->tracks);
     data->plan = plan_shooting(data->system(), data->series, data->options.segments, data->observed,
                                data->options.sensor, data->interval);
     data_ = data;
@@ -49,9 +49,13 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
 void ShootingResidual::follow_states(Data& data, const VectorXd& all) {
     data.tracks.resize(data.series.segments.size());
     data.track_sd = VectorXd::Zero(data.series.dimension());
+    std::vector<Index> free = data.binding.parameter;
+    if (data.options.delay) std::erase(free, data.options.delay->parameter);
     for (const std::size_t s : data.options.segments) {
         const models::System& system = *data.systems[data.systems.size() == 1 ? 0 : s];
-        StateTrack track = track_states(system, all, data.series, s, data.options.sensor, data.options.first_state);
+        StateTrack track =
+            track_states(system, all, data.series, s, data.options.sensor, data.options.first_state, free);
+        if (data.track_theta.size() == 0) data.track_theta = track.theta;
         data.tracks[s] = std::move(track.states);
         data.track_sd = data.track_sd.cwiseMax(track.reading_sd);
     }
@@ -131,16 +135,17 @@ VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     const Data& data = *data_;
     const auto groups = std::ssize(data.reading_range);
     VectorXd noise = VectorXd::Zero(groups);
-    if (data.options.sensor.type == models::Sensor::Type::function) {
-        // No state that is known without the model: what its states at the start missed, one sample ahead.
+    if (!data.tracks.empty()) {
+        // No state is known without the model: what its states at the start missed, one sample ahead.
         for (const ObservedCoordinate& o : data.observed)
-            if (!data.tracks.empty())
-                noise[o.group] = data.track_sd[o.row] / data.reading_range[static_cast<std::size_t>(o.group)];
+            noise[o.group] = data.track_sd[o.row] / data.reading_range[static_cast<std::size_t>(o.group)];
         return noise;
     }
+    // Nor are states known where nodes between readings by formulas are given.
+    if (data.options.sensor.type == models::Sensor::Type::function) return noise;
     constexpr std::size_t looks = 500;
     const auto starts = transitions(data.systems, all, data.series, data.options.sensor, data.options.segments,
-                                    data.interval, looks, 0, data.tracks);
+                                    data.interval, looks, 0);
     const std::span<const Index> none;
     const VectorXd per_coordinate =
         prediction_noise(predictions(data.systems, all, starts, none, data.plan.clock, {1e-9, 1e-9, 20000}),
@@ -223,8 +228,8 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     constexpr double tight = 0.1;
     VectorXd& memory = active.memory.front();
     const bool loose = !(memory[tightness] < tight * memory[reading_noise]);
-    const bool formulas = data_->options.sensor.type == models::Sensor::Type::function;
-    if (!loose || formulas)
+    const bool known_states = data_->tracks.empty() && data_->options.sensor.type != models::Sensor::Type::function;
+    if (!loose || !known_states)
         read_scales(active, theta, latents, loose);
     else
         predict_scales(active, theta);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "orbits/records/error_form.hpp"
 #include "orbits/records/series.hpp"
 #include "orbits/series_residuals/continuity.hpp"
+#include "orbits/series_residuals/input_delay.hpp"
 #include "orbits/series_residuals/shooting_plan.hpp"
 
 #pragma GCC visibility push(default)
@@ -39,6 +41,7 @@ struct ShootingOptions {
     /// Where states must be followed (needs_tracking()): what is known of the first one of each segment, shape (n), nan
     /// where nothing is; empty: nothing at all.
     Eigen::VectorXd first_state = {};
+    std::optional<InputDelay> delay = {};  ///< of the inputs, which are given undelayed
 };
 
 /// The recorded series itself by multiple shooting (Bock 1987, Baake 1992): nodes s_i along every segment,
@@ -135,8 +138,15 @@ private:
         /// row of the series; else empty.
         std::vector<Eigen::MatrixXd> tracks;
         Eigen::VectorXd track_sd;
+        Eigen::VectorXd track_theta;  ///< parameters that suit the first of them
         ShootingPlan plan;
         Eigen::VectorXd omega_slopes;  ///< d omega / d(parameter), per parameter of the binding
+        Eigen::VectorXd delay_slopes;  ///< d delay / d(parameter) likewise; the series' phase is minus the start's
+
+        /// By how much the clock of the inputs is earlier than at the start.
+        [[nodiscard]] double later(const Eigen::VectorXd& all) const {
+            return options.delay ? all[options.delay->parameter] + series.phase : 0.0;
+        }
 
         [[nodiscard]] const models::System& system() const { return *systems.front(); }
     };

@@ -7,6 +7,7 @@
 
 #include "models/arithmetic/median.hpp"
 #include "models/definition/parameter.hpp"
+#include "orbits/simulation/section_map.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -41,15 +42,21 @@ public:
         : record_(record),
           noise_(noise),
           n_(record.system.dimension()),
+          all_(n_ + std::ssize(record.free)),
+          theta_(record.theta),
+          scale_(all_),
           typical_((record.at[record.at.size() - 1] - record.at[0]) /
                    static_cast<double>(std::max<Index>(record.at.size() - 1, 1))),
-          errors_(record.coordinates.size()) {}
+          errors_(record.coordinates.size()) {
+        scale_ << record.range, record.free_sd;
+    }
 
     void begin(const VectorXd& start) {
         x_ = start;
-        p_ = unknown_state * unknown_state * MatrixXd::Identity(n_, n_);
+        p_ = MatrixXd::Identity(all_, all_);
+        p_.diagonal().head(n_).setConstant(unknown_state * unknown_state);
         now_ = {};
-        now_.carried = MatrixXd::Identity(n_, n_);
+        now_.carried = MatrixXd::Identity(all_, all_);
     }
 
     void advance(Index sample) {
@@ -57,17 +64,18 @@ public:
         const std::array<double, 1> durations{duration};
         const auto flow =
             record_.system.flow_with_sensitivities(x_, record_.phases[static_cast<std::size_t>(sample - 1)], durations,
-                                                   record_.theta, {}, record_.clock, filter_flow);
+                                                   theta_, record_.free, record_.clock, filter_flow);
         now_ = {};
+        now_.carried = MatrixXd::Identity(all_, all_);
         if (flow.status == models::FlowStatus::ok && flow.states.allFinite() && flow.sensitivities.allFinite()) {
             x_ = flow.states.col(0);
-            now_.carried = record_.range.cwiseInverse().asDiagonal() * flow.sensitivities * record_.range.asDiagonal();
-            p_ = now_.carried * p_ * now_.carried.transpose();
+            now_.carried.topRows(n_) =
+                record_.range.cwiseInverse().asDiagonal() * flow.sensitivities * scale_.asDiagonal();
+            p_ = MatrixXd(now_.carried * p_ * now_.carried.transpose());
             const double share = typical_ > 0.0 ? duration / typical_ : 1.0;
-            p_.diagonal().array() += noise_.process * noise_.process * share;
+            p_.diagonal().head(n_).array() += noise_.process * noise_.process * share;
         } else {
-            now_.carried = MatrixXd::Identity(n_, n_);
-            p_.diagonal().array() += unknown_state * unknown_state;
+            p_.diagonal().head(n_).array() += unknown_state * unknown_state;
         }
     }
 
@@ -81,6 +89,7 @@ public:
     }
 
     [[nodiscard]] Step& now() { return now_; }
+    [[nodiscard]] const VectorXd& theta() const { return theta_; }
     [[nodiscard]] double misfit() const { return misfit_; }
     [[nodiscard]] VectorXd surprise() const {
         constexpr double normal_median = 1.4826;  // sd of a normal error over the median of its absolute value
@@ -96,16 +105,15 @@ private:
         VectorXd slope;
     };
     /// What is read at x, against `value`; an infinite error where nothing can be read.
-    [[nodiscard]] Reading reading(std::size_t i, double value, Index sample, const VectorXd& x) const {
+    [[nodiscard]] Reading reading(std::size_t i, double value, Index sample, const VectorXd& x,
+                                  const VectorXd& theta) const {
         const std::array<double, 1> phase{record_.phases[static_cast<std::size_t>(sample)]};
-        const auto read =
-            record_.system.readings(record_.sensor, x, phase, record_.theta, std::span<const Index>{}, filter_flow);
+        const auto read = record_.system.readings(record_.sensor, x, phase, theta, record_.free, filter_flow);
         const Index row = record_.coordinates[i];
         if (read.status != models::FlowStatus::ok || !std::isfinite(read.readings(row, 0)) ||
             !read.derivatives.row(row).allFinite())
             return {std::numeric_limits<double>::infinity(), {}};
-        Reading result{value - read.readings(row, 0),
-                       read.derivatives.row(row).transpose().cwiseProduct(record_.range)};
+        Reading result{value - read.readings(row, 0), read.derivatives.row(row).transpose().cwiseProduct(scale_)};
         if (models::reads_angle(record_.sensor, record_.system.coordinates(), static_cast<std::size_t>(row)))
             result.error = models::wrapped(result.error);
         return result;
@@ -115,19 +123,18 @@ private:
         constexpr int rounds = 4;
         constexpr double smallest_move = 1e-6;  // of the ranges
         const double sd = noise_.readings[static_cast<Index>(i)];
-        const VectorXd before = x_;
-        VectorXd x = x_;
+        VectorXd change = VectorXd::Zero(all_);  // in units of scale_
         Used used;
         double first_error = 0.0;
         for (int round = 0; round < rounds; ++round) {
-            const Reading here = reading(i, value, sample, x);
+            const Reading here =
+                reading(i, value, sample, x_ + record_.range.cwiseProduct(change.head(n_)), moved(change));
             if (!std::isfinite(here.error)) {
                 if (round == 0) return;
                 break;
             }
-            const VectorXd moved = (x - before).cwiseQuotient(record_.range);
             used.slope = here.slope;
-            used.innovation = here.error + here.slope.dot(moved);
+            used.innovation = here.error + here.slope.dot(change);
             const VectorXd spread = p_ * here.slope;
             used.variance = here.slope.dot(spread) + sd * sd;
             used.gain = spread / used.variance;
@@ -135,23 +142,35 @@ private:
                 first_error = here.error;
                 misfit_ += here.error * here.error / used.variance + std::log(used.variance);
             }
-            const VectorXd next = before + record_.range.cwiseProduct(used.gain * used.innovation);
-            const bool same = (next - x).cwiseQuotient(record_.range).norm() <= smallest_move;
-            x = next;
+            const VectorXd next = used.gain * used.innovation;
+            const bool same = (next - change).norm() <= smallest_move;
+            if (!next.allFinite() || !in_domain(record_.system, moved(next))) break;
+            change = next;
             if (same) break;
         }
         errors_[i].push_back(std::abs(first_error));
-        if (!x.allFinite()) return;
-        x_ = x;
+        x_ += record_.range.cwiseProduct(change.head(n_));
+        theta_ = moved(change);
         // (I - K h) P (I - K h)^T + K sd^2 K^T stays positive.
-        const MatrixXd kept = MatrixXd::Identity(n_, n_) - used.gain * used.slope.transpose();
+        const MatrixXd kept = MatrixXd::Identity(all_, all_) - used.gain * used.slope.transpose();
         p_ = MatrixXd(kept * p_ * kept.transpose() + sd * sd * used.gain * used.gain.transpose());
         now_.used.push_back(std::move(used));
+    }
+
+    /// Parameters after a change.
+    [[nodiscard]] VectorXd moved(const VectorXd& change) const {
+        VectorXd theta = theta_;
+        for (std::size_t j = 0; j < record_.free.size(); ++j)
+            theta[record_.free[j]] += record_.free_sd[static_cast<Index>(j)] * change[n_ + static_cast<Index>(j)];
+        return theta;
     }
 
     const FollowedRecord& record_;
     const FilterNoise& noise_;
     Index n_;
+    Index all_;       ///< coordinates and free parameters
+    VectorXd theta_;  ///< shape (q)
+    VectorXd scale_;  ///< shape (all_)
     double typical_;
     VectorXd x_;
     MatrixXd p_;
@@ -164,10 +183,10 @@ private:
 MatrixXd smoothed(const FollowedRecord& record, const std::vector<Step>& steps) {
     const Index n = record.system.dimension();
     MatrixXd states(n, std::ssize(steps));
-    VectorXd later = VectorXd::Zero(n);
+    VectorXd later = VectorXd::Zero(n + std::ssize(record.free));
     for (std::size_t k = steps.size(); k-- > 0;) {
         const Step& step = steps[k];
-        states.col(static_cast<Index>(k)) = step.state - record.range.cwiseProduct(step.covariance * later);
+        states.col(static_cast<Index>(k)) = step.state - record.range.cwiseProduct((step.covariance * later).head(n));
         for (auto used = step.used.rbegin(); used != step.used.rend(); ++used)
             later += used->slope * (-used->innovation / used->variance - used->gain.dot(later));
         later = step.carried.transpose() * later;
@@ -187,7 +206,7 @@ FilteredStates filtered_states(const FollowedRecord& record, const VectorXd& sta
         filter.read(k);
         steps.push_back(std::move(filter.now()));
     }
-    return {smoothed(record, steps), filter.surprise(), filter.misfit()};
+    return {smoothed(record, steps), filter.theta(), filter.surprise(), filter.misfit()};
 }
 
 FilteredStates followed_states(const FollowedRecord& record, const VectorXd& start, const VectorXd& roughness) {

@@ -39,10 +39,20 @@ double roughness(const Eigen::Ref<const VectorXd>& values) {
     return normal_median * models::upper_median(std::move(differences)) / std::sqrt(70.0);
 }
 
+/// Readings of an angle, running on across the cut of the circle.
+void follow_turns(VectorXd& values) {
+    double last = std::numeric_limits<double>::quiet_NaN();
+    for (double& value : values) {
+        if (!std::isfinite(value)) continue;
+        if (std::isfinite(last)) value = last + models::wrapped(value - last);
+        last = value;
+    }
+}
+
 FollowedRecord followed_record(const models::System& system, const VectorXd& theta, const Series& series,
                                const Segment& data, const models::Sensor& sensor) {
     const Index samples = data.values.cols();
-    FollowedRecord record{system, theta, sensor, transition_clock(system, series), {}, VectorXd(samples), {},
+    FollowedRecord record{system, theta, sensor, transition_clock(system, series), {}, VectorXd(samples), {}, {}, {},
                           {},     {},    {}};
     // A difference of readings says of the state what the rate itself says, to first order in the delay.
     if (sensor.type == models::Sensor::Type::angle_difference) record.sensor.type = models::Sensor::Type::state;
@@ -230,14 +240,24 @@ void check_determined(const FollowedRecord& record, const Segment& data, const M
 
 bool needs_tracking(const models::System& system, const Series& series, const models::Sensor& sensor) {
     if (sensor.type == models::Sensor::Type::function) return true;
+    if (series.sampling != Series::Sampling::samples) return false;
+    constexpr double rough = 0.03;  // of the range
+    const VectorXd scale = series.scale();
     Index read = 0;
-    for (Index row = 0; row < series.dimension(); ++row)
-        read += system.coordinate_index(series.coordinate(row).name) >= 0 ? 1 : 0;
-    return system.dimension() - read > read && series.sampling == Series::Sampling::samples;
+    for (Index row = 0; row < series.dimension(); ++row) {
+        if (system.coordinate_index(series.coordinate(row).name) < 0) continue;
+        ++read;
+        for (const Segment& segment : series.segments) {
+            VectorXd values = segment.values.row(row).transpose();
+            if (series.coordinate(row).angle) follow_turns(values);
+            if (roughness(values) > rough * scale[row]) return true;
+        }
+    }
+    return system.dimension() - read > read;
 }
 
 StateTrack track_states(const models::System& system, const VectorXd& theta, const Series& series, std::size_t segment,
-                        const models::Sensor& sensor, const VectorXd& first) {
+                        const models::Sensor& sensor, const VectorXd& first, std::span<const Index> free) {
     const Segment& data = series.segments[segment];
     FollowedRecord record = followed_record(system, theta, series, data, sensor);
     const MatrixXd starts = candidates(record, data, first);
@@ -247,7 +267,11 @@ StateTrack track_states(const models::System& system, const VectorXd& theta, con
     constexpr double finest = 1e-6;  // of a reading's range
     for (Index i = 0; i < sd.size(); ++i) {
         const double size = scale[record.rows[static_cast<std::size_t>(i)]];
-        sd[i] = std::max(roughness(record.values.row(i).transpose()), finest * size);
+        VectorXd values = record.values.row(i).transpose();
+        if (models::reads_angle(record.sensor, system.coordinates(),
+                                static_cast<std::size_t>(record.coordinates[static_cast<std::size_t>(i)])))
+            follow_turns(values);
+        sd[i] = std::max(roughness(values), finest * size);
     }
     FirstWindow window(record, sd);
     window.choose_length(starts.col(0));
@@ -260,10 +284,14 @@ StateTrack track_states(const models::System& system, const VectorXd& theta, con
         least = sum;
         best = x;
     }
+    constexpr double guessed = 0.2;  // sd of a guess of a parameter
+    for (const Index parameter : free)
+        if (theta[parameter] != 0.0 && parameter != system.forcing_frequency()) record.free.push_back(parameter);
+    record.free_sd = guessed * theta(record.free).cwiseAbs();
     FilteredStates found = followed_states(record, best, sd);
     record.range = state_range(system, found.states);
     check_determined(record, data, found.states, sd);
-    StateTrack track{std::move(found.states),
+    StateTrack track{std::move(found.states), std::move(found.theta),
                      VectorXd::Constant(series.dimension(), std::numeric_limits<double>::quiet_NaN())};
     for (Index i = 0; i < sd.size(); ++i)
         track.reading_sd[record.rows[static_cast<std::size_t>(i)]] = found.surprise[i];

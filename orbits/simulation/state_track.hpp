@@ -14,11 +14,13 @@ namespace orbid::orbits {
 /// States along a segment of which the readings say only a part at each instant.
 struct StateTrack {
     Eigen::MatrixXd states;      ///< shape (n, samples)
+    Eigen::VectorXd theta;       ///< shape (q): parameters that suit them
     Eigen::VectorXd reading_sd;  ///< shape (rows of the series): of a prediction over one sample; nan where not read
 };
 
-/// Whether the states of a series must be followed: its sensor reads formulas, or more coordinates are unread than read
-/// (a slope of each reading determines no more than one). Otherwise node_states() tells them sample by sample.
+/// Whether the states of a series must be followed: its sensor reads formulas, or it is sampled in time and leaves more
+/// coordinates unread than it reads (a slope of each reading determines no more than one), or its readings are rough:
+/// they err by more than 3 % of their range. Otherwise node_states() tells states sample by sample.
 [[nodiscard]] bool needs_tracking(const models::System& system, const Series& series, const models::Sensor& sensor);
 
 /// States at all samples of a segment, followed from the first to the last and back by a Kalman filter at theta, see
@@ -31,13 +33,15 @@ struct StateTrack {
 ///
 /// @param theta  shape (q).
 /// @param first  shape (n), nan where unknown; or empty.
+/// @param free   parameters of which theta is a guess, good to some twenty percent: they are followed with the state.
 /// @throws DataError  where readings say nothing of the state, or of a direction of it (its sd from all readings of the
 ///         segment exceeds a thousand ranges): the message names the coordinate
 [[nodiscard]] StateTrack track_states(const models::System& system, const Eigen::VectorXd& theta, const Series& series,
                                       std::size_t segment, const models::Sensor& sensor,
-                                      const Eigen::VectorXd& first = {});
+                                      const Eigen::VectorXd& first = {}, std::span<const Eigen::Index> free = {});
 
 /// States at all samples of the segments named, by segment of the series; none at all where nothing must be followed.
+/// Parameters are held.
 /// @param systems  one per segment of the series, each with its measured inputs, or one in all.
 [[nodiscard]] std::vector<Eigen::MatrixXd> followed_series(
     std::span<const std::shared_ptr<const models::System>> systems, const Eigen::VectorXd& theta, const Series& series,

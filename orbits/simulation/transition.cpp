@@ -119,7 +119,7 @@ std::vector<Transition> transitions(std::span<const std::shared_ptr<const models
 std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models::System>> systems,
                                     const VectorXd& theta, const std::vector<Transition>& transitions,
                                     std::optional<std::span<const Index>> free, models::Clock clock,
-                                    const models::FlowOptions& flow) {
+                                    const models::FlowOptions& flow, std::optional<Index> delay) {
     const auto size = transitions.size();
     std::vector<Prediction> result(size);
     if (size == 0 || !in_domain(*systems.front(), theta)) return result;
@@ -145,7 +145,7 @@ std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models
         std::vector<double> phases(group.size());
         for (std::size_t k = 0; k < group.size(); ++k) {
             starts.col(static_cast<Index>(k)) = transitions[group[k]].from;
-            phases[k] = transitions[group[k]].phase;
+            phases[k] = transitions[group[k]].phase - (delay ? theta[*delay] : 0.0);
         }
         const std::array<double, 1> duration{transitions[group.front()].duration};
         const auto flows = system.flows(starts, phases, duration, theta, free, clock, flow);
@@ -159,6 +159,13 @@ std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models
             if (!free) continue;
             p.by_x = flows[k].sensitivities.leftCols(n);
             p.by_free = flows[k].sensitivities.rightCols(static_cast<Index>(free->size()));
+            const auto at = delay ? std::find(free->begin(), free->end(), *delay) : free->end();
+            if (at == free->end()) continue;
+            const std::array<double, 2> ends{phases[k], phases[k] + duration[0]};
+            MatrixXd states(n, 2);
+            states << starts.col(static_cast<Index>(k)), flows[k].states.col(0);
+            const MatrixXd f = system.rhs(states, ends, theta);
+            p.by_free.col(at - free->begin()) -= f.col(1) - p.by_x * f.col(0);
         }
     });
     return result;

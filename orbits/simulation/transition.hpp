@@ -54,11 +54,14 @@ struct Prediction {
 
 /// Predictions of all transitions. With measured inputs `systems` has one system per segment of the series, otherwise
 /// one in all. Parallel, with the same bytes for any number of threads.
+/// @param delay  parameter that is the delay of the inputs: flows begin so much earlier on their clock than the phases
+///               of the transitions say, and derivatives with respect to it are complete.
 [[nodiscard]] std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models::System>> systems,
                                                   const Eigen::VectorXd& theta,
                                                   const std::vector<Transition>& transitions,
                                                   std::optional<std::span<const Eigen::Index>> free,
-                                                  models::Clock clock, const models::FlowOptions& flow);
+                                                  models::Clock clock, const models::FlowOptions& flow,
+                                                  std::optional<Eigen::Index> delay = std::nullopt);
 
 /// Sizes of the errors of states from readings, relative to each other, shape (n): the ranges; of a difference quotient
 /// sqrt 2 / delay times that of its angle.
