@@ -98,6 +98,7 @@ identification::Experiment identification_experiment(const DataJob& job, const E
     experiment.fit = job.fit;
     experiment.predict = job.predict;
     experiment.initial_state = job.initial_state;
+    if (job.inputs) experiment.delay = job.inputs->delay_parameter;
     experiment.follows_model = job.simulation.has_value();
     return experiment;
 }

@@ -116,7 +116,7 @@ Field<DataJob> sensor_field() {
 
 }  // namespace describe
 
-std::vector<std::string> names_in_sensors(const JsonValue& data) {
+std::vector<std::string> names_in_data(const JsonValue& data) {
     const auto member = [](const JsonValue& object, std::string_view key) {
         const auto at = std::find_if(object.members.begin(), object.members.end(),
                                      [key](const JsonMember& one) { return one.key == key; });
@@ -124,6 +124,8 @@ std::vector<std::string> names_in_sensors(const JsonValue& data) {
     };
     std::vector<std::string> names;
     const auto add = [&](const JsonValue& experiment) {
+        if (const JsonValue delay = member(experiment, "delay"); delay.kind == JsonValue::Kind::string)
+            names.push_back(delay.text);
         for (const JsonMember& reading : member(member(experiment, "sensor"), "readings").members) {
             const std::string& text = reading.value.text;
             const std::regex name("[A-Za-z_][A-Za-z0-9_]*");
