@@ -71,20 +71,27 @@ double error_of_run(const StoredRun& run, const std::string& measure, double pre
     return sd;
 }
 
-/// The sheet whose orbit leaves the least of a motion, relative to what was measured.
+/// The sheet whose orbit leaves the least of a motion, relative to what was measured: at the estimate, or the middle of
+/// the band of draws where only these have one.
 std::optional<int> nearest_sheet(const PredictedBranch& branch, const BranchSheets& sheets, const BranchChoice& asked,
                                  Index motion) {
     std::optional<int> best;
     double least = std::numeric_limits<double>::infinity();
-    for (int sheet = sheets.range().first; sheet <= sheets.range().second; ++sheet) {
-        const auto value = sheets.at(sheet, asked.at[motion], 1);
-        if (!value) continue;
+    auto [lowest, highest] = sheets.range();
+    for (const BranchSheets& draw : branch.draws) {
+        lowest = std::min(lowest, draw.range().first);
+        highest = std::max(highest, draw.range().second);
+    }
+    for (int sheet = lowest; sheet <= highest; ++sheet) {
+        const PredictedQuantities all = quantities_at(branch, sheets, sheet, asked.at[motion]);
+        if (all.value.size() == 0) continue;
+        const Eigen::VectorXd value = all.value.array().isFinite().select(all.value, 0.5 * (all.lower95 + all.upper95));
         double misfit = 0.0;
         for (std::size_t c = 0; c < asked.channels.size(); ++c) {
             const auto& channel = asked.channels[c];
             const double observed = asked.values(static_cast<Index>(c), motion);
             if (std::isnan(observed)) continue;
-            const double e = (*value)(branch.layout.of_measure(channel.measure, channel.errors.coordinate)) - observed;
+            const double e = value(branch.layout.of_measure(channel.measure, channel.errors.coordinate)) - observed;
             misfit += e * e / std::max(observed * observed, 1e-300);
         }
         if (misfit < least) {
@@ -102,12 +109,15 @@ MeasuredMotion compared_motion(const StoredRun& run, const Job& job, const Branc
     mark.parameter = asked.at[motion];
     mark.label = fmt::format("{} = {}", out.parameter, mark.parameter);
     const auto sheet = nearest_sheet(out.branch, sheets, asked, motion);
-    mark.used = sheet.has_value();
     PredictedQuantities predicted;
     if (sheet) {
         predicted = quantities_at(out.branch, sheets, *sheet, mark.parameter);
         if (delta) predicted = identification::delta_at(out.branch, *sheet, mark.parameter, predicted.value);
-        mark.unstable = predicted.value(out.branch.layout.multiplier()) > 1.0 ? 1 : 0;
+        const double multiplier = predicted.value(out.branch.layout.multiplier());
+        mark.used = std::isfinite(multiplier);
+        if (mark.used) mark.unstable = multiplier > 1.0 ? 1 : 0;
+    } else {
+        mark.used = false;
     }
     for (std::size_t c = 0; c < asked.channels.size(); ++c) {
         const auto& channel = asked.channels[c];
@@ -131,7 +141,7 @@ MeasuredMotion compared_motion(const StoredRun& run, const Job& job, const Branc
             one.sheet = *sheet;
             one.found = predicted.found;
             one.stable = predicted.stable;
-            one.is_stable = mark.unstable == 0;
+            one.is_stable = mark.used ? mark.unstable == 0 : predicted.stable > 0.5;
         }
         const bool known = asked.deviations.size() > 0 && asked.deviations(static_cast<Index>(c), motion) > 0.0;
         one.error_sd =

@@ -99,9 +99,9 @@ Json compared_json(const ComparedMeasure& one) {
         {"error_sd", one.error_sd},
         {"inside_with_errors", known && std::isfinite(one.error_sd) ? Json(one.inside_with_errors()) : Json(nullptr)},
         {"relative_error", predicted ? one.relative_error() : std::nan("")}};
-    out["sheet"] = predicted ? Json(one.sheet) : Json(nullptr);
+    out["sheet"] = predicted || one.found > 0 ? Json(one.sheet) : Json(nullptr);
     out["found"] = one.found;
-    out["is_stable"] = predicted ? Json(one.is_stable) : Json(nullptr);
+    out["is_stable"] = predicted || one.found > 0 ? Json(one.is_stable) : Json(nullptr);
     out["stable"] = one.stable;
     return out;
 }

@@ -101,8 +101,8 @@ std::string measured_table(const MotionPrediction& prediction) {
                    band_words(one.lower95, one.upper95, one.sd), known ? answer(one.inside()) : "",
                    known && std::isfinite(one.error_sd) ? answer(one.inside_with_errors()) : "",
                    predicted ? percent(one.relative_error()) : "", unit_words(one.unit),
-                   predicted ? stable_words(one.is_stable, one.stable) : "",
-                   predicted ? found_words(one.found, prediction.draws) : ""});
+                   predicted || one.found > 0 ? stable_words(one.is_stable, one.stable) : "",
+                   predicted || one.found > 0 ? found_words(one.found, prediction.draws) : ""});
         last = one.motion;
     }
     return table.text();

@@ -57,8 +57,11 @@ std::vector<Index> differences(const VectorXd& a, const VectorXd& b) {
     return different;
 }
 
-periodic::OrbitPathOptions draw_options() {
+/// @param orbit  at the estimate, of which all draws start
+periodic::OrbitPathOptions draw_options(const models::System& system, const VectorXd& values, double phase,
+                                        const PeriodicOrbit& orbit) {
     periodic::OrbitPathOptions options;
+    options.solver.scale = periodic::orbit_size(system, values, phase, orbit);
     options.solver.flow.relative_tolerance = options.solver.flow.absolute_tolerance = draw_tolerance;
     return options;
 }
@@ -124,9 +127,10 @@ PredictedOrbit predict_orbit(const models::System& system, const ParameterPoster
     }
     std::vector<VectorXd> found(static_cast<std::size_t>(draws.values.cols()));
     std::vector<unsigned char> stable(found.size(), 0);
+    const auto options = draw_options(system, to, start.phase, orbit);
     over_draws(draws, run, [&](Index k) {
         const VectorXd values = drawn_values(draws, k, free.parameters, to);
-        const auto one = periodic::orbit_along(system, to, orbit, values, free.parameters, place, draw_options());
+        const auto one = periodic::orbit_along(system, to, orbit, values, free.parameters, place, options);
         if (one.status != OrbitStatus::converged) return;
         found[static_cast<std::size_t>(k)] = quantities(values, one);
         stable[static_cast<std::size_t>(k)] = is_stable(one) ? 1 : 0;
@@ -199,8 +203,8 @@ BranchSheets sheets_of(const PredictedBranch& predicted, double start) {
 
 PredictedQuantities quantities_at(const PredictedBranch& predicted, const BranchSheets& estimate, int sheet,
                                   double parameter) {
+    const Index count = predicted.layout.count();
     const auto value = estimate.at(sheet, parameter, 1);
-    if (!value) return {};
     std::vector<VectorXd> found;
     std::size_t stable = 0;
     for (const BranchSheets& one : predicted.draws) {
@@ -209,7 +213,9 @@ PredictedQuantities quantities_at(const PredictedBranch& predicted, const Branch
         if (!((*drawn)(predicted.layout.multiplier()) > 1.0)) ++stable;
         found.push_back(std::move(*drawn));
     }
-    auto all = summarised(*value, joined(found, value->size()), VectorXd::Constant(value->size(), nan_value));
+    if (!value && found.empty()) return {};
+    const VectorXd none = VectorXd::Constant(count, nan_value);
+    auto all = summarised(value ? *value : none, joined(found, count), none);
     if (!found.empty()) all.stable = static_cast<double>(stable) / static_cast<double>(found.size());
     return all;
 }
@@ -255,10 +261,11 @@ PredictedBranch predict_branch(const models::System& system, const ParameterPost
     const auto delta = delta_along(system, predicted, values, place, free);
 
     options.solver.flow.relative_tolerance = options.solver.flow.absolute_tolerance = draw_tolerance;
+    const auto path = draw_options(system, values, place.phase, first);
     std::vector<std::optional<BranchSheets>> drawn(static_cast<std::size_t>(draws.values.cols()));
     over_draws(draws, run, [&](Index k) {
         const VectorXd here = drawn_values(draws, k, free.parameters, values);
-        const auto orbit = periodic::orbit_along(system, values, first, here, free.parameters, place, draw_options());
+        const auto orbit = periodic::orbit_along(system, values, first, here, free.parameters, place, path);
         if (orbit.status != OrbitStatus::converged) return;
         OrbitStatus status{};
         const auto one = followed_with(system, here, place.start(system, orbit), options, predicted.layout, status);

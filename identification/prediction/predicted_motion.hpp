@@ -86,7 +86,7 @@ struct PredictionRun {
                                              const PredictionRun& run = {});
 
 /// The quantities of a predicted branch at one value of the parameter on a sheet.
-/// @return `value` is empty where the branch at the estimate has no orbit there.
+/// @return `value` is nan where the branch at the estimate has no orbit there, and empty where no draw has one either.
 [[nodiscard]] PredictedQuantities quantities_at(const PredictedBranch& predicted, const BranchSheets& estimate,
                                                 int sheet, double parameter);
 

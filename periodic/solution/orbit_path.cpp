@@ -1,11 +1,13 @@
 #include "periodic/solution/orbit_path.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "models/definition/parameter.hpp"
 #include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/full_turn.hpp"
+#include "periodic/orbit/orbit_amplitude.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
 
 namespace orbid::periodic {
@@ -15,17 +17,6 @@ bool lies_in_domain(const models::System& system, const VectorXd& values) {
     for (Index i = 0; i < values.size(); ++i)
         if (!models::contains(system.parameters()[static_cast<std::size_t>(i)].domain, values(i))) return false;
     return true;
-}
-
-/// The size of an orbit as its points show it: never 0.
-VectorXd size_of(const models::System& system, const PeriodicOrbit& orbit) {
-    VectorXd size = orbit.points.rowwise().norm() / std::sqrt(static_cast<double>(orbit.points.cols()));
-    for (Index i = 0; i < size.size(); ++i) {
-        if (system.coordinates()[static_cast<std::size_t>(i)].angle) size(i) = full_turn;
-        // A coordinate that is 0 on the section moves elsewhere.
-        if (!(size(i) > 1e-3 * size.maxCoeff())) size(i) = std::max(size.maxCoeff(), 1e-300);
-    }
-    return size;
 }
 
 PeriodicOrbit one_step(const models::System& system, const VectorXd& from, const PeriodicOrbit& orbit,
@@ -44,13 +35,21 @@ PeriodicOrbit one_step(const models::System& system, const VectorXd& from, const
         if (start.time > 0.0) start.time *= std::exp(orbit.time_sensitivities.dot(step) / orbit.time);
     }
     if (!start.points.allFinite() || !(start.time < std::numeric_limits<double>::infinity())) return none;
-    ShootingOptions solver = options.solver;
-    solver.scale = size_of(system, orbit);
-    solver.maximum_distance = options.maximum_move;
-    return solve_multiple_shooting(system, to, start, free, solver);
+    return solve_multiple_shooting(system, to, start, free, options.solver);
 }
 
 }  // namespace
+
+VectorXd orbit_size(const models::System& system, const VectorXd& values, double phase, const PeriodicOrbit& orbit) {
+    const OrbitAmplitude amplitude = amplitude_of(system, values, phase, orbit, {});
+    VectorXd size = VectorXd::Constant(system.dimension(), full_turn);
+    for (Index i = 0; i < std::min(size.size(), amplitude.rms.size()); ++i) {
+        // An angle that turns around has no amplitude.
+        const double own = std::max(amplitude.half_range(i), amplitude.rms(i));
+        if (std::isfinite(own)) size(i) = own > 0.0 ? own : 1.0;
+    }
+    return size;
+}
 
 StartingSolution OrbitPlace::start(const models::System& system, const PeriodicOrbit& orbit) const {
     StartingSolution start;
@@ -67,7 +66,10 @@ StartingSolution OrbitPlace::start(const models::System& system, const PeriodicO
 
 PeriodicOrbit orbit_along(const models::System& system, const VectorXd& from, const PeriodicOrbit& orbit,
                           const VectorXd& to, std::span<const Index> free, const OrbitPlace& place,
-                          const OrbitPathOptions& options) {
+                          const OrbitPathOptions& asked) {
+    OrbitPathOptions options = asked;
+    options.solver.maximum_distance = options.maximum_move;
+    if (options.solver.scale.size() == 0) options.solver.scale = orbit_size(system, from, place.phase, orbit);
     PeriodicOrbit last;
     for (int halvings = 0; halvings <= options.most_halvings; ++halvings) {
         const int steps = 1 << halvings;

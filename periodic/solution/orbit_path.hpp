@@ -26,8 +26,13 @@ struct OrbitPlace {
 struct OrbitPathOptions {
     double maximum_move = 0.1;  ///< of a point from its prediction, relative to the orbit's size; > 0
     int most_halvings = 4;      ///< the line is divided into 2^this steps at most; >= 0
-    ShootingOptions solver{};   ///< its scale and distance are set here
+    ShootingOptions solver{};   ///< its distance is set here; an empty scale is orbit_size()
 };
+
+/// The size of each coordinate along an orbit: half its range or its root mean square, whichever is larger; never 0.
+/// @param phase  of its first point [rad] (forced models)
+[[nodiscard]] Eigen::VectorXd orbit_size(const models::System& system, const Eigen::VectorXd& values, double phase,
+                                         const PeriodicOrbit& orbit);
 
 /// Follows an orbit while parameters move along a straight line: one Newton's method per step, from the last orbit
 /// moved to first order. A line that is too long for one step is divided into 2, 4, 8, ... A fold on the way ends it.

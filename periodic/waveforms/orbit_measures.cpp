@@ -70,6 +70,18 @@ double make_continuous(Eigen::Ref<RowVectorXd, 0, Eigen::InnerStride<>> angles) 
     return std::round((angles(angles.size() - 1) - angles(0)) / full_turn);
 }
 
+/// Derivatives of equidistant states of an orbit at fixed shares of it, shape (n, m f): a place is a time, which moves
+/// with T.
+MatrixXd at_equal_shares(const CurveStates& at, const PeriodicOrbit& orbit, Index f) {
+    if (f == 0) return MatrixXd(at.states.rows(), 0);
+    MatrixXd all = at.by_parameters;
+    const Index count = at.states.cols();
+    for (Index k = 0; orbit.time_sensitivities.size() > 0 && k < count; ++k)
+        all.middleCols(k * f, f) +=
+            (static_cast<double>(k) / static_cast<double>(count)) * at.velocity.col(k) * orbit.time_sensitivities;
+    return all;
+}
+
 /// The formulas as sensors that read them in the place of coordinates, as many as a model has at a time.
 std::vector<models::Sensor> sensors_of(std::span<const OrbitReading> formulas, std::size_t coordinates) {
     std::vector<models::Sensor> sensors;
@@ -109,7 +121,6 @@ bool OrbitReadings::read(const models::System& system, const VectorXd& theta, co
                          const std::vector<models::Sensor>& sensors, std::optional<std::span<const Index>> free,
                          Index count, const models::FlowOptions& options) {
     const SolvedCurve curve(system, theta, orbit, options);
-    const bool forced = system.kind() == models::Kind::forced;
     std::vector<double> places(static_cast<std::size_t>(count));
     for (std::size_t k = 0; k < places.size(); ++k)
         places[k] = curve.length() * static_cast<double>(k) / static_cast<double>(count);
@@ -117,14 +128,7 @@ bool OrbitReadings::read(const models::System& system, const VectorXd& theta, co
     if (!at.simulated) return false;
     const Index n = system.dimension();
     const auto f = free ? std::ssize(*free) : Index{0};
-    MatrixXd states_by_parameters(n, count * f);
-    for (Index k = 0; f > 0 && k < count; ++k) {
-        auto state = states_by_parameters.middleCols(k * f, f);
-        state = at.by_parameters.middleCols(k * f, f);
-        // A place is a time: the same share of the orbit moves with T.
-        const double share = static_cast<double>(k) / static_cast<double>(count);
-        if (!forced) state += share * at.velocity.col(k) * orbit.time_sensitivities;
-    }
+    const MatrixXd states_by_parameters = at_equal_shares(at, orbit, f);
     Index rows = n;
     for (std::size_t i = 1; i < sensors.size(); ++i)
         rows += std::ssize(sensors[i].functions);
