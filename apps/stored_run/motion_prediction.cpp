@@ -184,6 +184,14 @@ void add_branch(const StoredRun& run, const MotionQuestion& question, const iden
     const BranchSheets sheets = sheets_of(out.branch, job.model.values[options.parameter]);
     for (Index m = 0; m < asked.at.size(); ++m)
         out.followed.measured.push_back(compared_motion(run, job, sheets, asked, m, out.draws == 0, out));
+    const auto few = std::count_if(out.compared.begin(), out.compared.end(), [&](const ComparedMeasure& one) {
+        return out.draws > 0 && one.found > 0 && one.found < identification::fewest_draws;
+    });
+    if (few > 0)
+        out.remarks.push_back(
+            fmt::format("{} of {} measures have fewer than {} draws with such an orbit, and so no "
+                        "interval: ask for more by \"bands\": {{ \"draws\": ... }}",
+                        few, out.compared.size(), identification::fewest_draws));
     const auto lost = std::count_if(out.followed.measured.begin(), out.followed.measured.end(),
                                     [](const MeasuredMotion& motion) { return !motion.used; });
     if (lost > 0)

@@ -51,7 +51,7 @@ struct QuestionPlace {
     std::string file;
 
     [[noreturn]] void refuse(const std::string& pointer, const std::string& rule) const {
-        throw StoredRunRefused(fmt::format("{}: {}: {}", file, pointer, rule));
+        throw StoredRunRefused(fmt::format("{}: {}{}{}", file, pointer, pointer.empty() ? "" : ": ", rule));
     }
     void require_keys(const Json& object, const std::string& pointer, const std::vector<std::string>& known) const {
         if (!object.is_object()) refuse(pointer, "must be an object");
@@ -116,7 +116,7 @@ Json measured_residual(const StoredRun& run, const Json& question, const Json& p
         residual.erase("sha256");
         const std::string parameter = residual.value("parameter", std::string());
         if (!question["measured"].contains("orbit"))
-            start_on_fitted_branch(run, detail::stored_value(parameters[parameter]), residual);
+            start_on_fitted_branch(run, detail::stored_value(parameters.value(parameter, Json())), residual);
     }
     for (const auto& [key, value] : question["measured"].items())
         residual[key] = value;
@@ -176,6 +176,15 @@ Job read_asked_job(const StoredRun& run, const Json& document, const QuestionPla
         text += fmt::format("\n  {}: {}", pointer, problem.rule);
     }
     throw StoredRunRefused(text);
+}
+
+/// Puts measured motions into a document, and the branch that they are compared with where there is none.
+void add_measured(const StoredRun& run, const Json& residual, const QuestionPlace& place, Json& document) {
+    document["estimate"] = {{"parameters", Json::object()}, {"residuals", Json::array({residual})}};
+    if (document.contains("periodic")) return;
+    const Job job = read_asked_job(run, document, place);
+    const BranchResidualJob& branch = *job.estimate->branch;
+    document["periodic"] = periodic_of(residual, job.model.values[branch.parameter], measured_values(branch, job));
 }
 
 void check_periodic(const Json& periodic, const QuestionPlace& place) {
@@ -249,27 +258,22 @@ MotionQuestion motion_question(const StoredRun& run, const std::filesystem::path
     document["model"] = run.job.at("model");
     for (const char* key : {"seed", "section", "flow"})
         if (run.job.contains(key)) document[key] = run.job[key];
-    Json& parameters = document["model"]["parameters"];
+    Json parameters = document["model"].at("parameters");
     const auto estimates = stored_estimates(run, parameters, experiment);
     for (const StoredEstimate& one : estimates)
         set_value(parameters, one.model_name, one.value);
     const Json held = question.contains("parameters") ? question["parameters"] : Json::object();
     for (const auto& [name, value] : named_values(held, "/parameters", parameters, place))
         set_value(parameters, name, value);
+    document["model"]["parameters"] = parameters;
     if (question.contains("periodic")) document["periodic"] = question["periodic"];
     if (question.contains("measured")) {
         const auto folder = std::filesystem::absolute(file).parent_path();
-        const Json residual = measured_residual(run, question, parameters, folder, place);
-        document["estimate"] = {{"parameters", Json::object()}, {"residuals", Json::array({residual})}};
-        if (!document.contains("periodic")) {
-            const Job job = read_asked_job(run, document, place);
-            const BranchResidualJob& branch = *job.estimate->branch;
-            document["periodic"] =
-                periodic_of(residual, job.model.values[branch.parameter], measured_values(branch, job));
-        }
+        add_measured(run, measured_residual(run, question, parameters, folder, place), place, document);
     }
-    Json& periodic = document["periodic"];
-    if (periodic.contains("continuation") && periodic["continuation"].is_object())
+    if (!document.contains("periodic")) place.refuse("", "\"periodic\" or \"measured\" is needed");
+    if (Json& periodic = document["periodic"];
+        periodic.contains("continuation") && periodic["continuation"].is_object())
         periodic["continuation"]["switch"] = Json::array();
     document["output"] = {{"series", "none"}};
 

@@ -25,9 +25,10 @@ constexpr std::pair<OrbitMeasure, VectorXd periodic::OrbitAmplitude::*> amplitud
     {OrbitMeasure::half_range, &periodic::OrbitAmplitude::half_range},
     {OrbitMeasure::rms, &periodic::OrbitAmplitude::rms}};
 
-/// Whether `x` lies between two neighbours, within half their distance and a share of its size for their curve.
+/// Whether `x` lies between two neighbours, within half their distance and a hundredth of its size: it may have a
+/// maximum between them.
 bool near_both(double x, double a, double b) {
-    const double spare = 0.5 * std::abs(b - a) + 1e-6 * std::abs(x);
+    const double spare = 0.5 * std::abs(b - a) + 1e-2 * std::abs(x);
     return x >= std::min(a, b) - spare && x <= std::max(a, b) + spare;
 }
 
