@@ -73,8 +73,9 @@ double error_of_run(const StoredRun& run, const std::string& measure, double pre
 
 /// The sheet whose orbit leaves the least of a motion, relative to what was measured: at the estimate, or the middle of
 /// the band of draws where only these have one.
+/// @param stable  only sheets that are so there
 std::optional<int> nearest_sheet(const PredictedBranch& branch, const BranchSheets& sheets, const BranchChoice& asked,
-                                 Index motion) {
+                                 Index motion, std::optional<bool> stable) {
     std::optional<int> best;
     double least = std::numeric_limits<double>::infinity();
     auto [lowest, highest] = sheets.range();
@@ -85,6 +86,9 @@ std::optional<int> nearest_sheet(const PredictedBranch& branch, const BranchShee
     for (int sheet = lowest; sheet <= highest; ++sheet) {
         const PredictedQuantities all = quantities_at(branch, sheets, sheet, asked.at[motion]);
         if (all.value.size() == 0) continue;
+        const double multiplier = all.value(branch.layout.multiplier());
+        const bool is_stable = std::isfinite(multiplier) ? multiplier <= 1.0 : all.stable > 0.5;
+        if (stable && is_stable != *stable) continue;
         const Eigen::VectorXd value = all.value.array().isFinite().select(all.value, 0.5 * (all.lower95 + all.upper95));
         double misfit = 0.0;
         for (std::size_t c = 0; c < asked.channels.size(); ++c) {
@@ -103,16 +107,17 @@ std::optional<int> nearest_sheet(const PredictedBranch& branch, const BranchShee
 }
 
 /// What was measured of one motion beside the branch.
-MeasuredMotion compared_motion(const StoredRun& run, const Job& job, const BranchSheets& sheets,
-                               const BranchChoice& asked, Index motion, bool delta, MotionPrediction& out) {
+MeasuredMotion compared_motion(const StoredRun& run, const MotionQuestion& question, const BranchSheets& sheets,
+                               const BranchChoice& asked, Index motion, MotionPrediction& out) {
+    const Job& job = question.job;
     MeasuredMotion mark;
     mark.parameter = asked.at[motion];
     mark.label = fmt::format("{} = {}", out.parameter, mark.parameter);
-    const auto sheet = nearest_sheet(out.branch, sheets, asked, motion);
+    const auto sheet = nearest_sheet(out.branch, sheets, asked, motion, question.stable);
     PredictedQuantities predicted;
     if (sheet) {
         predicted = quantities_at(out.branch, sheets, *sheet, mark.parameter);
-        if (delta) predicted = identification::delta_at(out.branch, *sheet, mark.parameter, predicted.value);
+        if (out.draws == 0) predicted = identification::delta_at(out.branch, *sheet, mark.parameter, predicted.value);
         const double multiplier = predicted.value(out.branch.layout.multiplier());
         mark.used = std::isfinite(multiplier);
         if (mark.used) mark.unstable = multiplier > 1.0 ? 1 : 0;
@@ -183,7 +188,7 @@ void add_branch(const StoredRun& run, const MotionQuestion& question, const iden
     const BranchChoice asked = measured_branch(job);
     const BranchSheets sheets = sheets_of(out.branch, job.model.values[options.parameter]);
     for (Index m = 0; m < asked.at.size(); ++m)
-        out.followed.measured.push_back(compared_motion(run, job, sheets, asked, m, out.draws == 0, out));
+        out.followed.measured.push_back(compared_motion(run, question, sheets, asked, m, out));
     const auto few = std::count_if(out.compared.begin(), out.compared.end(), [&](const ComparedMeasure& one) {
         return out.draws > 0 && one.found > 0 && one.found < identification::fewest_draws;
     });

@@ -22,14 +22,10 @@ namespace {
 
 using Json = StoredRun::Json;
 
-bool is_json(const std::filesystem::path& file) {
-    return file.extension() == ".json";
-}
-
 Json read_question(const std::filesystem::path& file) {
     if (!std::filesystem::is_regular_file(file))
         throw orbits::DataError(fmt::format("{}: no such file", file.string()));
-    if (!is_json(file)) return {{"measured", {{"file", std::filesystem::absolute(file).string()}}}};
+    if (file.extension() != ".json") return {{"measured", {{"file", std::filesystem::absolute(file).string()}}}};
     try {
         return Json::parse(read_whole_file(file), nullptr, true, true);
     } catch (const nlohmann::json::parse_error& error) {
@@ -119,7 +115,7 @@ Json measured_residual(const StoredRun& run, const Json& question, const Json& p
             start_on_fitted_branch(run, detail::stored_value(parameters.value(parameter, Json())), residual);
     }
     for (const auto& [key, value] : question["measured"].items())
-        residual[key] = value;
+        if (key != "stable") residual[key] = value;
     if (!residual.contains("file") || !residual["file"].is_string())
         place.refuse("/measured", "\"file\" is missing: the table of the measured motions");
     residual["file"] = (folder / residual["file"].get<std::string>()).lexically_normal().string();
@@ -237,8 +233,8 @@ void read_bands(const Json& question, MotionQuestion& asked, const QuestionPlace
 
 bool is_motion_question(const StoredRun& run, const std::filesystem::path& file) {
     if (!std::filesystem::is_regular_file(file)) return false;
-    if (!is_json(file)) return run.experiments().empty() && branch_residual(run) != nullptr;
-    const Json json = Json::parse(read_whole_file(file), nullptr, false, true);
+    if (file.extension() != ".json") return run.experiments().empty() && branch_residual(run) != nullptr;
+    const auto json = Json::parse(read_whole_file(file), nullptr, false, true);
     return json.is_object() && (json.contains("periodic") || json.contains("measured"));
 }
 
@@ -276,7 +272,6 @@ MotionQuestion motion_question(const StoredRun& run, const std::filesystem::path
         periodic.contains("continuation") && periodic["continuation"].is_object())
         periodic["continuation"]["switch"] = Json::array();
     document["output"] = {{"series", "none"}};
-
     MotionQuestion asked;
     asked.job = read_asked_job(run, document, place);
     if (asked.job.estimate && !asked.job.periodic->continuation)
@@ -286,6 +281,11 @@ MotionQuestion motion_question(const StoredRun& run, const std::filesystem::path
         place.refuse("/periodic/continuation/parameter", "must be that of the measured motions");
     asked.at = asked_values(question, parameters, asked.job, place);
     asked.asks_orbits = question.contains("at");
+    if (question.contains("measured") && question["measured"].contains("stable")) {
+        const Json& stable = question["measured"]["stable"];
+        if (!stable.is_boolean()) place.refuse("/measured/stable", "must be true or false");
+        asked.stable = stable.get<bool>();
+    }
     read_bands(question, asked, place);
     std::vector<StoredEstimate> free;
     for (const StoredEstimate& one : estimates)

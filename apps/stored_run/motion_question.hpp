@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,6 +22,7 @@ struct MotionQuestion {
     identification::ParameterPosterior posterior;
     std::vector<Eigen::VectorXd> at;  ///< values of all parameters at which the starts are predicted; at least one
     bool asks_orbits = false;         ///< "at" is given: beside a branch single orbits, too
+    std::optional<bool> stable;       ///< the measured motions are all stable, or all unstable; nothing: not said
     bool draws = true;                ///< false: the delta method alone
     std::size_t count = 200;          ///< draws
     std::uint64_t seed = 1;
