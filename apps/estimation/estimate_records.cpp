@@ -147,9 +147,13 @@ void add_branch_rows(const Workspace& work, const periodic::BranchResidual& resi
             const double known =
                 orbit.deviations.size() > 0 && residual.channels()[sources[r]].known_sds ? orbit.deviations[c] : 1.0;
             const double observed = orbit.values[c];
+            const double predicted = observed - values[b].e[static_cast<Eigen::Index>(r)];
+            double sd = scale != nullptr ? scale->value * known : estimator::nan_value;
+            if (std::holds_alternative<estimator::LogNormalErrors>(residual.channels()[sources[r]].distribution))
+                sd *= std::abs(predicted);
+            if (scale != nullptr) sd = std::hypot(sd, relative_of(*scale) * predicted);
             rows.push_back({"branch", orbit.label, group.substr(group.find('.') + 1), orbit.binding.base[parameter],
-                            observed, observed - values[b].e[static_cast<Eigen::Index>(r)],
-                            scale != nullptr ? scale->value * known : estimator::nan_value});
+                            observed, predicted, sd});
         }
     }
 }

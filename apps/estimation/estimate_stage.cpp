@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "apps/estimation/checkpoint_fields.hpp"
+#include "apps/estimation/estimate_branch.hpp"
 #include "apps/estimation/estimate_records.hpp"
 #include "apps/estimation/estimate_waveform.hpp"
 #include "apps/estimation/job_problem.hpp"
@@ -132,8 +133,11 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         ++index;
     }
     if (residuals.branch) {
-        add_branch_rows(work, *residuals.branch, estimate, estimate.residuals[index], rows);
+        std::vector<ResidualRow> own;
+        add_branch_rows(work, *residuals.branch, estimate, estimate.residuals[index], own);
         add_branch_states(*residuals.branch, estimate.active[index], theta, context);
+        store_fitted_branch(work, problem, setup, *residuals.branch, estimate.active[index], theta, own, context);
+        rows.insert(rows.end(), own.begin(), own.end());
     }
     return rows;
 }

@@ -43,47 +43,6 @@ orbits::CycleTargetOptions cycle_targets(const Job& whole) {
     return targets;
 }
 
-/// Reads the file of a branch.
-identification::BranchChoice branch_choice(const Job& job) {
-    const BranchResidualJob& asked = *job.estimate->branch;
-    identification::BranchChoice branch;
-    orbits::TableLayout layout;
-    const auto add = [&](std::string name, std::string unit, const ColumnJob& column, const std::string& sd) {
-        layout.coordinates.push_back({{std::move(name), std::move(unit), false},
-                                      column.column,
-                                      column.unit,
-                                      static_cast<double>(column.sign),
-                                      column.offset,
-                                      sd,
-                                      column.factor});
-    };
-    const models::Parameter& parameter = job.model.parameter(asked.parameter);
-    add(std::string(parameter.name), std::string(parameter.unit), asked.at, {});
-    for (const BranchResidualJob::Measure& one : asked.measures) {
-        const bool frequency = one.measure == periodic::OrbitMeasure::frequency;
-        const std::string unit(frequency ? "Hz" : job.model.coordinate(one.column.coordinate).unit);
-        add(fmt::format("{} {}", layout.coordinates.size(), periodic::name_of(one.measure)), unit, one.column,
-            one.error.sd_column);
-        branch.channels.push_back({one.measure, one.error});
-        branch.channels.back().errors.coordinate = one.column.coordinate;
-    }
-    const orbits::Series table = orbits::read_csv(*asked.file, layout);
-    const orbits::Segment& rows = table.segments.front();
-    branch.parameter = asked.parameter;
-    branch.at = rows.values.row(0);
-    if (!branch.at.allFinite())
-        throw orbits::DataError(fmt::format("{}: a value of {} is missing", asked.file->string(), parameter.name));
-    const Eigen::Index count = rows.values.rows() - 1;
-    branch.values = rows.values.bottomRows(count);
-    if (rows.deviations.size() > 0) branch.deviations = rows.deviations.bottomRows(count);
-    branch.start.points = asked.orbit.points;
-    branch.start.rotation = asked.orbit.rotation;
-    branch.start.time = asked.orbit.time;
-    branch.start.section = job_section(job);
-    branch.range = asked.range;
-    return branch;
-}
-
 identification::Experiment identification_experiment(const DataJob& job, const Experiment* record) {
     identification::Experiment experiment;
     experiment.name = job.name;
@@ -105,6 +64,47 @@ identification::Experiment identification_experiment(const DataJob& job, const E
 
 }  // namespace
 
+identification::BranchChoice measured_branch(const Job& job) {
+    const BranchResidualJob& asked = *job.estimate->branch;
+    identification::BranchChoice branch;
+    orbits::TableLayout layout;
+    const auto add = [&](std::string name, std::string unit, const ColumnJob& column, const std::string& sd) {
+        layout.coordinates.push_back({{std::move(name), std::move(unit), false},
+                                      column.column,
+                                      column.unit,
+                                      static_cast<double>(column.sign),
+                                      column.offset,
+                                      sd,
+                                      column.factor});
+    };
+    const models::Parameter& parameter = job.model.parameter(asked.parameter);
+    add(std::string(parameter.name), std::string(parameter.unit), asked.at, {});
+    for (const BranchResidualJob::Measure& one : asked.measures) {
+        const bool frequency = one.measure == periodic::OrbitMeasure::frequency;
+        const std::string unit = frequency ? "Hz" : asked.quantity(*job.model.system, one.column.coordinate).second;
+        add(fmt::format("{} {}", layout.coordinates.size(), periodic::name_of(one.measure)), unit, one.column,
+            one.error.sd_column);
+        branch.channels.push_back({one.measure, one.error});
+        branch.channels.back().errors.coordinate = one.column.coordinate;
+    }
+    const orbits::Series table = orbits::read_csv(*asked.file, layout);
+    const orbits::Segment& rows = table.segments.front();
+    branch.parameter = asked.parameter;
+    branch.at = rows.values.row(0);
+    if (!branch.at.allFinite())
+        throw orbits::DataError(fmt::format("{}: a value of {} is missing", asked.file->string(), parameter.name));
+    const Eigen::Index count = rows.values.rows() - 1;
+    branch.values = rows.values.bottomRows(count);
+    if (rows.deviations.size() > 0) branch.deviations = rows.deviations.bottomRows(count);
+    branch.start.points = asked.orbit.points;
+    branch.start.rotation = asked.orbit.rotation;
+    branch.start.time = asked.orbit.time;
+    branch.start.section = job_section(job);
+    branch.range = asked.range;
+    branch.readings = asked.readings;
+    return branch;
+}
+
 identification::IdentificationProblem identification_problem(const Job& job, std::span<const Experiment> data) {
     identification::IdentificationProblem problem;
     problem.system = job.model.system;
@@ -117,7 +117,7 @@ identification::IdentificationProblem identification_problem(const Job& job, std
     if (job.estimate->cycles) problem.cycles = cycle_targets(job);
     problem.series = job.estimate->series;
     problem.waveform = job.estimate->waveform;
-    if (job.estimate->branch) problem.branch = branch_choice(job);
+    if (job.estimate->branch) problem.branch = measured_branch(job);
     problem.measured.section_phase = job.section_phase;
     if (job.orbits && !job.orbits->file) problem.measured.experiment = job.orbits->data;
     return problem;

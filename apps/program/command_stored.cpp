@@ -9,17 +9,22 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/job/data_job.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/job/version.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/report/plots/picture_file.hpp"
 #include "apps/report/plots/plot_catalog.hpp"
+#include "apps/report/plots/run_charts.hpp"
 #include "apps/report/report_page.hpp"
 #include "apps/report/run_comparison.hpp"
 #include "apps/results/summary_table.hpp"
+#include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/progress.hpp"
 #include "apps/stages/recorded_series.hpp"
 #include "apps/stored_run/forecast.hpp"
+#include "apps/stored_run/motion_results.hpp"
 #include "apps/stored_run/prediction_job.hpp"
 #include "apps/stored_run/prediction_results.hpp"
 #include "apps/stored_run/stored_run.hpp"
@@ -118,11 +123,48 @@ int plot_run(const CommandCall& call) {
     });
 }
 
+namespace {
+
+/// Answers a question on periodic motions.
+int predict_motions_of(const CommandCall& call, const StoredRun& run, const std::filesystem::path& file) {
+    const MotionQuestion question = motion_question(run, file, call.value("experiment", ""));
+    if (call.has("inputs"))
+        throw CommandLineError("--inputs belongs to a record; a question on periodic motions has none");
+    const Job& job = question.job;
+    const std::filesystem::path out = call.value("out", (run.folder / ("predict_" + file.stem().string())).string());
+    const nlohmann::json document = nlohmann::json::parse(job_document(job, out, versions()).dump());
+    OutputFolder folder(out, document, job_text(job, out, versions()), call.has("force"));
+    Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
+    const MotionPrediction result =
+        predict_motions(run, question, [&](const std::string& what, std::size_t done, std::size_t total) {
+            if (done == 0) return progress.begin(what, static_cast<double>(total), "draws");
+            progress.at(static_cast<double>(done));
+        });
+    progress.end();
+    folder.store("prediction.json", motion_prediction_text(result));
+    if (!result.followed.branches.empty()) {
+        const models::Parameter& parameter = job.model.parameter(job.periodic->continuation->options.parameter);
+        CycleFileHead head = cycle_file_head(job, {});
+        head.coordinates = series_coordinates(*job.model.system);
+        const periodic::ContinuationOptions& options = job.periodic->continuation->options;
+        folder.store("branch.json", branches_text(head, parameter, options.lower, options.upper, result.followed));
+        folder.store("branch.csv", predicted_branch_csv(head, parameter, result));
+        const StoredRun stored = read_stored_run(out);
+        folder.store("branch.svg", chart_svg(branch_chart(stored), job.title, run_picture_style));
+    }
+    store_report(folder, call.console.error);
+    call.console.out << motion_summary(result, job.title);
+    return 0;
+}
+
+}  // namespace
+
 int predict_run(const CommandCall& call) {
     const int threads = call.whole_number("threads", 0, 0);
     const auto predict = [&] {
         const StoredRun run = read_stored_run(call.words[0]);
         const std::filesystem::path data = call.words[1];
+        if (is_motion_question(run, data)) return predict_motions_of(call, run, data);
         const PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
         const std::filesystem::path out =
             call.value("out", (run.folder / ("predict_" + data.stem().string())).string());

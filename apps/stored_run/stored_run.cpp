@@ -85,6 +85,11 @@ const Json* StoredRun::orbits_of_estimate() const {
     return orbits ? &*orbits : nullptr;
 }
 
+const Json* StoredRun::shown_branch() const {
+    if (estimate_branch) return &*estimate_branch;
+    return branch ? &*branch : nullptr;
+}
+
 StoredRun read_stored_run(const std::filesystem::path& folder) {
     if (!std::filesystem::exists(folder)) throw StoredRunRefused(fmt::format("{}: no such folder", folder.string()));
     if (!std::filesystem::is_directory(folder))
@@ -103,6 +108,7 @@ StoredRun read_stored_run(const std::filesystem::path& folder) {
     run.orbits = read_file(folder / "orbits.json", "orbid-cycles/1");
     run.estimate_orbits = read_file(folder / "estimate_orbits.json", "orbid-cycles/1");
     run.branch = read_file(folder / "branch.json", "orbid-branches/1");
+    run.estimate_branch = read_file(folder / "estimate_branch.json", "orbid-branches/1");
     run.invariants = read_file(folder / "invariants.json", "orbid-invariants/1");
     run.timing = read_file(folder / "timing.json", "");
     run.prediction = read_file(folder / "prediction.json", "orbid-prediction/1");

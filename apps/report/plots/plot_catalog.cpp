@@ -45,7 +45,7 @@ bool has_cycles(const StoredRun& run) {
 }
 
 bool has_branch(const StoredRun& run) {
-    return !block_at(run.branch, "branches").empty();
+    return !block_at(run.shown_branch(), "branches").empty();
 }
 
 bool has_marginals(const StoredRun& run) {
@@ -112,8 +112,8 @@ constexpr std::array entries{
     Entry{"cycles", "The periodic points by period: measured ones, or those of the model.", has_cycles, cycle_chart},
     Entry{"multipliers", "The largest multiplier of each periodic orbit, measured and of the model.",
           has_views<multiplier_chart>, multiplier_chart},
-    Entry{"branch", "Periodic orbits over a parameter, stable ones solid, with their bifurcations.", has_branch,
-          branch_chart},
+    Entry{"branch", "Periodic orbits over a parameter, stable ones solid; measured motions beside the fitted branch.",
+          has_branch, branch_chart},
     Entry{"parameters", "Estimates with their 95 % intervals, as deviations from the known values.",
           has_views<parameter_chart>, parameter_chart},
     Entry{"convergence", "The objective above its last value, step by step; the way from stage to stage.",
