@@ -81,7 +81,7 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Identifica
     orbits::Series delayed;  // a later input is an earlier clock
     if (data.delay) {
         delayed = *data.series;
-        delayed.phase = -binding.values(theta)[*data.delay];
+        delayed.phase -= binding.values(theta)[*data.delay];
     }
     const orbits::Series& series = data.delay ? delayed : *data.series;
     auto systems = systems_with(problem.system, data.inputs);

@@ -238,10 +238,32 @@ void check_determined(const FollowedRecord& record, const Segment& data, const M
 
 }  // namespace
 
+namespace {
+
+/// Densely sampled, but with errors of more than 3 % of the range, gross ones among them.
+bool is_rough(const VectorXd& values, double range) {
+    constexpr double rough = 0.03;
+    constexpr double dense = 0.05;  // of the range, from one sample to the next
+    std::vector<double> steps;
+    double squares = 0.0;
+    Index count = 0;
+    for (Index k = 1; k < values.size(); ++k)
+        if (std::isfinite(values[k] - values[k - 1])) steps.push_back(std::abs(values[k] - values[k - 1]));
+    for (Index k = 4; k < values.size(); ++k) {
+        const double d = values[k] - 4.0 * values[k - 1] + 6.0 * values[k - 2] - 4.0 * values[k - 3] + values[k - 4];
+        if (!std::isfinite(d)) continue;
+        squares += d * d;
+        ++count;
+    }
+    if (count == 0 || models::upper_median(std::move(steps)) > dense * range) return false;
+    return std::sqrt(squares / (70.0 * static_cast<double>(count))) > rough * range;
+}
+
+}  // namespace
+
 bool needs_tracking(const models::System& system, const Series& series, const models::Sensor& sensor) {
     if (sensor.type == models::Sensor::Type::function) return true;
     if (series.sampling != Series::Sampling::samples) return false;
-    constexpr double rough = 0.03;  // of the range
     const VectorXd scale = series.scale();
     Index read = 0;
     for (Index row = 0; row < series.dimension(); ++row) {
@@ -250,7 +272,7 @@ bool needs_tracking(const models::System& system, const Series& series, const mo
         for (const Segment& segment : series.segments) {
             VectorXd values = segment.values.row(row).transpose();
             if (series.coordinate(row).angle) follow_turns(values);
-            if (roughness(values) > rough * scale[row]) return true;
+            if (is_rough(values, scale[row])) return true;
         }
     }
     return system.dimension() - read > read;

@@ -2,8 +2,9 @@
 
 #include <array>
 #include <cmath>
+#include <stdexcept>
 
-#include "models/kernels/model_system.hpp"
+#include "models/equations/equation_text.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
 #include "orbits/simulation/state_track.hpp"
 #include "tests/catch.hpp"
@@ -21,37 +22,38 @@ using tests::WithinAbs;
 
 namespace {
 
+/// Models as texts: those of this file would be compiled without optimisation.
+std::shared_ptr<const models::System> from_text(const models::EquationText& text) {
+    std::vector<models::EquationProblem> problems;
+    auto system = models::system_from_text(text, problems);
+    if (system == nullptr) throw std::logic_error(problems.front().rule);
+    return system;
+}
+
 /// The Lorenz equations with an instrument of their own: a laser whose intensity gain x^2 + offset is read.
-struct Laser {
-    static constexpr std::string_view name = "laser", summary = "", equations = "";
-    static constexpr std::array coordinates{models::real("x", "1"), models::real("y", "1"), models::real("z", "1")};
-    static constexpr std::array parameters{models::Parameter{"sigma", "1", models::positive, 10.0, ""},
-                                           models::Parameter{"rho", "1", models::positive, 28.0, ""},
-                                           models::Parameter{"beta", "1", models::positive, 8.0 / 3.0, ""},
-                                           models::Parameter{"gain", "1", models::positive, 0.9, ""},
-                                           models::Parameter{"offset", "1", models::any_real, 12.0, "", 10.0}};
+std::shared_ptr<const models::System> laser() {
+    models::EquationText text;
+    text.coordinates = {{"x", "sigma * (y - x)"}, {"y", "x * (rho - z) - y"}, {"z", "x * y - beta * z"}};
+    text.parameters = {{"sigma", "1", models::positive, 10.0},
+                       {"rho", "1", models::positive, 28.0},
+                       {"beta", "1", models::positive, 8.0 / 3.0},
+                       {"gain", "1", models::positive, 0.9},
+                       {"offset", "1", models::any_real, 12.0}};
+    text.used_outside = {"gain", "offset"};
+    return from_text(text);
+}
 
-    template <class T>
-    static models::State<T, 3> rhs(const T& /*t*/, const models::State<T, 3>& x, const models::Values<T, 5>& p) {
-        return {p[0] * (x[1] - x[0]), x[0] * (p[1] - x[2]) - x[1], x[0] * x[1] - p[2] * x[2]};
-    }
-};
-
-/// A damped oscillator that an input drives, and the distance it has gone, which moves nothing.
-struct Rig {
-    static constexpr std::string_view name = "rig", summary = "", equations = "";
-    static constexpr std::array coordinates{models::real("x", "m"), models::real("v", "m/s"), models::real("s", "m s")};
-    static constexpr std::array parameters{models::Parameter{"k", "1/s^2", models::positive, 4.0, ""},
-                                           models::Parameter{"c", "1/s", models::positive, 0.3, ""},
-                                           models::Parameter{"gain", "1", models::positive, 1.5, ""}};
-    static constexpr std::array inputs{models::real("u", "m/s^2")};
-
-    template <class T>
-    static models::State<T, 3> rhs(const T& /*t*/, const models::State<T, 3>& x, const models::Values<T, 3>& p,
-                                   const std::array<T, 1>& u) {
-        return {x[1], u[0] - p[0] * x[0] - p[1] * x[1], x[0] - 0.5 * x[2]};
-    }
-};
+/// A damped oscillator that an input drives, and its displacement behind a lag, which moves nothing.
+std::shared_ptr<const models::System> rig() {
+    models::EquationText text;
+    text.coordinates = {{"x", "v"}, {"v", "u - k * x - c * v"}, {"s", "x - 0.5 * s"}};
+    text.parameters = {{"k", "1/s^2", models::positive, 4.0},
+                       {"c", "1/s", models::positive, 0.3},
+                       {"gain", "1", models::positive, 1.5}};
+    text.inputs = {{"u", "", "m/s^2"}};
+    text.used_outside = {"gain"};
+    return from_text(text);
+}
 
 models::Sensor reads(const models::System& system, std::size_t coordinate, const std::string& formula) {
     models::Sensor sensor;
@@ -111,7 +113,7 @@ constexpr std::array<std::array<double, 5>, 4> laser_starts{{{1.15, 0.88, 1.12, 
 
 TEST_CASE("a chaotic record read by gain x^2 + offset gives its parameters by multiple shooting",
           "[orbits][shooting]") {
-    const auto system = std::make_shared<models::ModelSystem<Laser>>();
+    const auto system = laser();
     const auto binding = bound(*system, system->default_parameters(), laser_names);
     const Eigen::VectorXd truth = base_theta(binding);
     const models::Sensor sensor = reads(*system, 0, "gain * x^2 + offset");
@@ -139,7 +141,7 @@ TEST_CASE("a chaotic record read by gain x^2 + offset gives its parameters by mu
 }
 
 TEST_CASE("nodes between readings by formulas have exact derivatives", "[orbits][shooting]") {
-    const auto system = std::make_shared<models::ModelSystem<Laser>>();
+    const auto system = laser();
     const auto binding = bound(*system, system->default_parameters(), laser_names);
     ShootingOptions options;
     options.sensor = reads(*system, 0, "gain * x^2 + offset");
@@ -152,7 +154,7 @@ TEST_CASE("nodes between readings by formulas have exact derivatives", "[orbits]
 }
 
 TEST_CASE("nodes and whole segments give the same estimate of a driven rig read by a formula", "[orbits][shooting]") {
-    const auto bare = std::make_shared<models::ModelSystem<Rig>>();
+    const auto bare = rig();
     std::vector<double> times, values;
     for (int k = 0; k <= 120; ++k) {
         times.push_back(0.1 * k);
@@ -196,7 +198,7 @@ TEST_CASE("nodes and whole segments give the same estimate of a driven rig read 
 }
 
 TEST_CASE("states are followed through a formula that bends back, on one side", "[orbits]") {
-    const auto system = std::make_shared<models::ModelSystem<Laser>>();
+    const auto system = laser();
     const models::Sensor sensor = reads(*system, 0, "gain * x^2 + offset");
     VirtualExperimentOptions options;
     options.plan = SamplePlan{0.01, 1001, 1000};
@@ -217,7 +219,7 @@ TEST_CASE("states are followed through a formula that bends back, on one side", 
 }
 
 TEST_CASE("readings that say nothing of a state have no nodes", "[orbits]") {
-    const auto system = std::make_shared<models::ModelSystem<Laser>>();
+    const auto system = laser();
     const auto binding = bound(*system, system->default_parameters(), laser_names);
     ShootingOptions options;
     options.sensor = reads(*system, 0, "gain + offset");
@@ -225,7 +227,7 @@ TEST_CASE("readings that say nothing of a state have no nodes", "[orbits]") {
     CHECK_THROWS_WITH(ShootingResidual(system, binding, nothing, options),
                       ContainsSubstring("readings say nothing of the state"));
 
-    const auto bare = std::make_shared<models::ModelSystem<Rig>>();
+    const auto bare = rig();
     const std::vector<double> times{0.0, 10.0}, values{1.0, -1.0};
     const auto signal =
         std::make_shared<models::InputSignal>(times, values, 1, models::InputSignal::Interpolation::linear);

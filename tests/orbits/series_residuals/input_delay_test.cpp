@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "models/kernels/model_system.hpp"
+#include "models/equations/equation_text.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
 #include "orbits/simulation/transition.hpp"
 #include "tests/catch.hpp"
@@ -22,21 +22,19 @@ using Interpolation = models::InputSignal::Interpolation;
 
 namespace {
 
-/// A driven oscillator; `lag` is the delay of its input and stands in no equation.
-struct Shaken {
-    static constexpr std::string_view name = "shaken", summary = "", equations = "";
-    static constexpr std::array coordinates{models::real("x", "m"), models::real("v", "m/s")};
-    static constexpr std::array parameters{models::Parameter{"k", "1/s^2", models::positive, 30.0, ""},
-                                           models::Parameter{"c", "1/s", models::positive, 0.8, ""},
-                                           models::Parameter{"lag", "s", models::any_real, 0.013, "", 0.01}};
-    static constexpr std::array inputs{models::real("u", "m/s^2")};
-
-    template <class T>
-    static models::State<T, 2> rhs(const T& /*t*/, const models::State<T, 2>& x, const models::Values<T, 3>& p,
-                                   const std::array<T, 1>& u) {
-        return {x[1], u[0] - p[0] * x[0] - p[1] * x[1] - 5.0 * x[0] * x[0] * x[0]};
-    }
-};
+/// A driven oscillator; `lag` is the delay of its input and stands in no equation. As a text, because a model of this
+/// file would be compiled without optimisation.
+std::shared_ptr<const models::System> shaken() {
+    models::EquationText text;
+    text.coordinates = {{"x", "v"}, {"v", "u - k * x - c * v - 5 * x^3"}};
+    text.parameters = {{"k", "1/s^2", models::positive, 30.0},
+                       {"c", "1/s", models::positive, 0.8},
+                       {"lag", "s", models::any_real, 0.013}};
+    text.inputs = {{"u", "", "m/s^2"}};
+    text.used_outside = {"lag"};
+    std::vector<models::EquationProblem> problems;
+    return models::system_from_text(text, problems);
+}
 
 constexpr double true_lag = 0.013;
 const std::vector<std::string> names{"k", "c", "lag"};
@@ -54,7 +52,7 @@ std::shared_ptr<const models::InputSignal> record(Interpolation interpolation, d
 
 /// 11 s, read every 0.02 s but not at the instants of the input.
 Series readings(Interpolation interpolation, double noise, std::uint64_t seed) {
-    const auto system = std::make_shared<models::ModelSystem<Shaken>>()->with_input(record(interpolation, true_lag));
+    const auto system = shaken()->with_input(record(interpolation, true_lag));
     VirtualExperimentOptions options;
     options.plan = SamplePlan{0.02, 501, 0};
     options.phase = 0.007;
@@ -102,7 +100,7 @@ const Eigen::Vector3d far_start(25.0, 1.2, 0.004);
 }  // namespace
 
 TEST_CASE("a delay of the input has exact derivatives", "[orbits][delay]") {
-    const auto system = std::make_shared<models::ModelSystem<Shaken>>();
+    const auto system = shaken();
     const auto binding = bound(*system, system->default_parameters(), names);
     const Eigen::VectorXd theta = base_theta(binding);
     for (const auto interpolation : {Interpolation::linear, Interpolation::cubic, Interpolation::band_limited}) {
@@ -131,7 +129,7 @@ TEST_CASE("a delay of the input has exact derivatives", "[orbits][delay]") {
 }
 
 TEST_CASE("transitions are predicted with the delay of the input and its derivative", "[orbits][delay]") {
-    const auto system = std::make_shared<models::ModelSystem<Shaken>>();
+    const auto system = shaken();
     const std::vector<std::shared_ptr<const models::System>> systems{
         system->with_input(record(Interpolation::cubic, 0.0))};
     const std::vector<Transition> list{{Eigen::Vector2d(0.2, -0.5), Eigen::Vector2d(0.1, 0.3), 1.0, 0.4, 0}};
@@ -148,7 +146,7 @@ TEST_CASE("transitions are predicted with the delay of the input and its derivat
 }
 
 TEST_CASE("a delay of the input is found, and covered by its interval", "[orbits][delay]") {
-    const auto system = std::make_shared<models::ModelSystem<Shaken>>();
+    const auto system = shaken();
     const auto binding = bound(*system, system->default_parameters(), names);
     const Eigen::VectorXd truth = base_theta(binding);
     for (const auto interpolation : {Interpolation::linear, Interpolation::cubic, Interpolation::band_limited}) {
@@ -182,7 +180,7 @@ TEST_CASE("a delay of the input is found, and covered by its interval", "[orbits
 }
 
 TEST_CASE("delays that the record of the input cannot tell are refused", "[orbits][delay]") {
-    const auto system = std::make_shared<models::ModelSystem<Shaken>>();
+    const auto system = shaken();
     const auto binding = bound(*system, system->default_parameters(), names);
     const Eigen::VectorXd theta = base_theta(binding);
     const Series series = readings(Interpolation::linear, 1e-3, 1);
