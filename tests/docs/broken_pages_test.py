@@ -18,6 +18,9 @@ from markdown_page import Block, read_page, slug
 from run_pages import run_group
 
 ROOT, ORBID = Path(sys.argv[1]).resolve(), str(Path(sys.argv[2]).resolve())
+sys.path.insert(0, str(ROOT / "docs" / "site"))
+from build import broken  # noqa: E402
+
 JOB = """{ "model": { "name": "henon" }, "data": { "simulate": { "sections": 100 } } }"""
 
 
@@ -72,6 +75,29 @@ class Links(Folder):
         self.check("[a](../../../../etc/passwd)", "leads out of the project")
         self.check("[a](htps://example.org)", "not an address")
         self.check("[a](other.md#a#b)", "no such heading")
+
+
+class Site(Folder):
+    def check(self, text, expected):
+        (self.folder / "api").mkdir(exist_ok=True)
+        self.page('<h1 id="there"></h1>', "api/other.html")
+        self.page(f'<h1 id="here"></h1>{text}', "page.html")
+        found, pages, _ = broken(self.folder)
+        self.assertEqual((pages, len(found)), (2, 1 if expected else 0), found)
+        if expected:
+            self.assertIn(expected, found[0])
+
+    def test_good(self):
+        for text in ('<a href="api/other.html#there">', '<a href="#here">', '<a href="https://example.org">', '<img src="page.html">',
+                     '<script>var x = "https://example.org";</script>'):
+            self.check(text, None)
+
+    def test_broken(self):
+        self.check('<a href="none.html">', "page.html: none.html: no such file")
+        self.check('<a href="api/other.html#here">', "no such anchor")
+        self.check('<a href="#there">', "no such anchor")
+        for text in ('<script src="https://example.org/x.js">', '<link href="//example.org/x.css">', '<img src="http://example.org/x.png">'):
+            self.check(text, "fetched from the network")
 
 
 class CodeBlocks(Folder):
