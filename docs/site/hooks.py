@@ -29,7 +29,7 @@ def entries(table):
     page = read_page(ROOT / table)
     for link in page.links:
         name = linked(table, link.target)
-        if not link.picture and name and name.endswith(".md") and name != CONTENTS:
+        if link.words and not link.words.startswith("!") and name and name.endswith(".md") and name != CONTENTS:
             inner = re.fullmatch(r"docs/.*README\.md", name) and [{"Overview": name}, *(entry for _, entry in entries(name))]
             yield ([heading.title for heading in page.headings if heading.line < link.line][-1],
                    {link.words[0].upper() + link.words[1:]: inner or name})

@@ -47,6 +47,11 @@ class Pages(Folder):
         self.assertEqual(page.headings, [])
         self.assertEqual((page.blocks[0].language, page.blocks[0].line), ("sh", 2))
 
+    def test_pictures_that_are_links(self):
+        page = read_page(self.page("[![a](b.svg)](c.md)<br>d [e](f.md) ![g](h.png)\n"))
+        self.assertEqual([(link.target, link.picture) for link in page.links],
+                         [("c.md", False), ("b.svg", True), ("f.md", False), ("h.png", True)])
+
     def test_open_blocks(self):
         self.assertEqual(read_page(self.page("a\n```sh\nls\n")).problems, [(2, "this block of code is not closed")])
 
