@@ -18,8 +18,10 @@ from markdown_page import Block, read_page, slug
 from run_pages import run_group
 
 ROOT, ORBID = Path(sys.argv[1]).resolve(), str(Path(sys.argv[2]).resolve())
-sys.path.insert(0, str(ROOT / "docs" / "site"))
+sys.path[:0] = [str(ROOT / "docs" / "site"), str(ROOT / "docs")]
+import gallery  # noqa: E402
 from build import broken  # noqa: E402
+from gallery_page import flowing, shown  # noqa: E402
 
 JOB = """{ "model": { "name": "henon" }, "data": { "simulate": { "sections": 100 } } }"""
 
@@ -103,6 +105,35 @@ class Site(Folder):
         self.check('<a href="#there">', "no such anchor")
         for text in ('<script src="https://example.org/x.js">', '<link href="//example.org/x.css">', '<img src="http://example.org/x.png">'):
             self.check(text, "fetched from the network")
+
+
+class Gallery(Folder):
+    def test_digits_are_those_of_the_sd(self):
+        for value, sd, text in ((64.0485085, 0.0023, "64.0485"), (186015.7, 30.6, "186016"), (2.9993e-6, 2.6e-6, "3e-06"),
+                                (-0.00143869, 0.000166, "-0.00144"), (0.5447, 0.06, "0.545"), (0.0, None, "0")):
+            self.assertEqual(shown(value, sd), text)
+
+    def test_paragraphs_flow_and_blocks_stay(self):
+        text = "# A\n\na {}\nb `c d`\n\n| a |\n|---|\n\n```text\na\nb\n```\n\n    c\n    d\n\n* e\n* f\n"
+        self.assertEqual(flowing(text), text.replace("{}\n", "{} "))
+        self.assertTrue(all(len(line) <= 120 for line in flowing("word " * 60).split("\n")))
+
+    def test_what_is_wrong_with_a_page(self):
+        system = gallery.SYSTEMS[0]
+        good = (ROOT / f"docs/gallery/{system.page}.md").read_text()
+        for folder in (gallery, sys.modules["gallery_page"]):
+            self.addCleanup(setattr, folder, "GALLERY", folder.GALLERY)
+            folder.GALLERY = self.folder
+        for file in (ROOT / "docs/gallery").iterdir():
+            (self.folder / file.name).write_bytes(file.read_bytes())
+        name = f"{system.page}.md"
+        for text, expected in ((good, None), (good.replace("## Result", "## Results"), "headings"), (good.replace("circuit", "cirquit"), "prose"),
+                               (good.replace(gallery.picture_of(system), "silverbox_residuals.svg"), "two pictures"),
+                               (good.replace("(silverbox_residuals.svg)", "(none.svg)"), "none.svg has 0 bytes")):
+            self.page(text, name)
+            found = gallery.problems_of(system)
+            self.assertEqual(len(found) > 0, expected is not None, found)
+            self.assertIn(expected or "", " ".join(found))
 
 
 class CodeBlocks(Folder):

@@ -114,7 +114,7 @@ def find_links(page, prose):
         words = prose[link.start() + 1:text.rindex("](", link.start(), link.end())]
         page.links.append(Link(link[2], text.count("\n", 0, link.start(2)) + 1, bool(link[1]), words))
         # A picture that is a link itself.
-        for picture in LINK.finditer(text, link.start() + 1, link.end()):
+        for picture in LINK.finditer(text, link.end(1) + 1, link.end()):
             page.links.append(Link(picture[2], text.count("\n", 0, picture.start(2)) + 1, True))
 
 
