@@ -43,16 +43,16 @@ SYSTEMS = [
            variants={"arms_published": ("double_pendulum", NOTHING_FITTED | {
                "/model/variant": "viscous",
                "/estimate/residuals/0/errors": {name: {"distribution": "normal", "sd": 3e-4} for name in ("phi1", "phi2")}})}),
+    System("Pendulum with a motor", "pendulum_motor", "a real pendulum driven by a torque", "pendulum_motor prediction",
+           "rms error of the second half, predicted", "0.878", "rms pendulum_motor predicted .3f", "rad", "pendulum_motor", quick=True),
+    System("Ion channel", "ion_channel", "current through a real cell under a voltage protocol", "ion_channel prediction",
+           "rms error of the current", "0.0317", "rms ion_channel fitted .4f", "nA", "ion_channel"),
     System("Hare and lynx", "hare_lynx", "pelts of hare and lynx, 1900 to 1920", "hare_lynx prediction",
            "growth of hares", "0.547 (posterior mean by sampling)", "hare_lynx /parameters/alpha/value .3f", "per year", "hare_lynx",
            quick=True),
-    System("Simulated pendulum", "simulated_pendulum", "simulated, the example of the paper: a chaotic section and its cycles",
+    System("Simulated pendulum", "simulated_pendulum", "the example of the paper: a chaotic section and its cycles",
            "pendulum_table3 section", "error of the linear damping k2/m", "11.3", "deviation pendulum_table3 k2_over_m .1g", "%",
            "pendulum_table3"),
-    System("Pendulum with a motor", "pendulum_motor", "a real pendulum driven by a torque", "pendulum_motor prediction",
-           "rms error of the second half, predicted", "0.878", "rms pendulum_motor predicted .3f", "rad", "pendulum_motor"),
-    System("Ion channel", "ion_channel", "current through a real cell under a voltage protocol", "ion_channel prediction",
-           "rms error of the current", "0.0317", "rms ion_channel fitted .4f", "nA", "ion_channel"),
 ]
 
 

@@ -5,8 +5,8 @@ A page docs/gallery/NAME.md is made of its prose, docs/gallery/NAME.md.in, in wh
     {{JOB /pointer}}         a number of result.json; `* 1000` multiplies, `.3f` formats
     {{deviation JOB NAME}}   of a derived quantity from its reference, in percent
     {{rms JOB fitted}}       root mean square of the errors over fitted segments, or over `predicted` ones; formats as above
-    {{parameters JOB TITLE}} table of estimates with 95 % intervals beside the references, which are called TITLE; a job as TITLE:
-                             beside the values that its model gives
+    {{parameters JOB TITLE}} table of estimates with 95 % intervals beside the references, which are called TITLE; a file of configs/ as
+                             TITLE: beside the values of its model, or of its columns `parameter` and `mean`
     {{readings JOB BRANCH}}  table of readings over a parameter, of what the job BRANCH has there, and of what the estimate makes of them
     {{ratio JOB NAME}}       root mean square of ln(estimate / reading), in percent, over readings called NAME; JOB:BRANCH: of BRANCH
     {{picture JOB PLOT}}     `orbid plot`; what follows are its options
@@ -65,6 +65,13 @@ def job_of(name, variants):
         return [absolute(inner) for inner in value] if isinstance(value, list) else value
 
     return absolute(job)
+
+
+def published_values(name):
+    if name.endswith(".json"):
+        return {key: entry["value"] for key, entry in read_job(name)["model"]["parameters"].items()}
+    with open(CONFIGS / name, newline="") as file:
+        return {row["parameter"]: float(row["mean"]) for row in csv.DictReader(file)}
 
 
 def shown(value, sd):
@@ -144,9 +151,9 @@ class Runs:
     def parameters(self, job, *title):
         answer = self.answer(job)
         rows = [(name, entry) for kind in ("parameters", "derived") for name, entry in answer[kind].items()]
-        if title and (CONFIGS / f"{title[0]}.json").exists():
-            given = job_of(title[0], {})["model"]["parameters"]
-            rows = [(name, entry | {"reference": given.get(name, {}).get("value")}) for name, entry in rows]
+        if title and "." in title[0]:
+            given = published_values(title[0])
+            rows = [(name, entry | {"reference": given.get(name)}) for name, entry in rows]
             title = ()
         known = any(entry["reference"] is not None for _, entry in rows)
         lines = ["| parameter | " + (f"{' '.join(title) or 'published'} | " if known else "") + "orbid | 95 % interval |", "|---|---|---|" + "---|" * known]
