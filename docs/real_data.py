@@ -7,35 +7,27 @@
 Only the standard library. Every figure comes from `orbid` run on jobs written here. Everywhere: parameters from the
 segments that are fitted, the state in which a segment begins from that segment, root mean square of the angle's errors.
 """
-import json
 import math
-import re
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-CONFIGS = ROOT / "configs"
+import results
+from results import CONFIGS
+
 BEGIN, END = "<!-- tables of real_data.py -->", "<!-- end of tables -->"
 
 
 def read_job(name):
-    """The job as a dictionary, its data file absolute (no string of these jobs holds //)."""
-    job = json.loads(re.sub(r"//[^\n]*", "", (CONFIGS / name).read_text()))
+    """The job as a dictionary, its data file absolute."""
+    job = results.read_job(name)
     job["data"]["file"] = str(CONFIGS / job["data"]["file"])
     return job
 
 
-def run(binary, job, folder, expect=(0, 1)):
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "job_in.json"
-    path.write_text(json.dumps(job, indent=1))
-    done = subprocess.run([str(binary), "run", str(path), "--out", str(folder / "out"), "--quiet", "--force"],
-                          capture_output=True, text=True)
-    if done.returncode not in expect:
-        sys.exit(f"orbid run {path} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}")
-    return json.loads((folder / "out/result.json").read_text())
+def run(binary, job, folder):
+    results.run(binary.parent, job, folder, "--force", expect=(0, 1))
+    return results.result(folder)
 
 
 def squares(answer, segments):

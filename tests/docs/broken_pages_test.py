@@ -18,6 +18,11 @@ from markdown_page import Block, read_page, slug
 from run_pages import run_group
 
 ROOT, ORBID = Path(sys.argv[1]).resolve(), str(Path(sys.argv[2]).resolve())
+sys.path[:0] = [str(ROOT / "docs" / "site"), str(ROOT / "docs")]
+import gallery  # noqa: E402
+from build import broken  # noqa: E402
+from gallery_page import flowing, shown  # noqa: E402
+
 JOB = """{ "model": { "name": "henon" }, "data": { "simulate": { "sections": 100 } } }"""
 
 
@@ -43,6 +48,11 @@ class Pages(Folder):
         self.assertEqual([(link.target, link.line) for link in page.links], [("i.md", 9)])
         self.assertEqual(page.headings, [])
         self.assertEqual((page.blocks[0].language, page.blocks[0].line), ("sh", 2))
+
+    def test_pictures_that_are_links(self):
+        page = read_page(self.page("[![a](b.svg)](c.md)<br>d [e](f.md) ![g](h.png)\n"))
+        self.assertEqual([(link.target, link.picture) for link in page.links],
+                         [("c.md", False), ("b.svg", True), ("f.md", False), ("h.png", True)])
 
     def test_open_blocks(self):
         self.assertEqual(read_page(self.page("a\n```sh\nls\n")).problems, [(2, "this block of code is not closed")])
@@ -72,6 +82,58 @@ class Links(Folder):
         self.check("[a](../../../../etc/passwd)", "leads out of the project")
         self.check("[a](htps://example.org)", "not an address")
         self.check("[a](other.md#a#b)", "no such heading")
+
+
+class Site(Folder):
+    def check(self, text, expected):
+        (self.folder / "api").mkdir(exist_ok=True)
+        self.page('<h1 id="there"></h1>', "api/other.html")
+        self.page(f'<h1 id="here"></h1>{text}', "page.html")
+        found, pages, _ = broken(self.folder)
+        self.assertEqual((pages, len(found)), (2, 1 if expected else 0), found)
+        if expected:
+            self.assertIn(expected, found[0])
+
+    def test_good(self):
+        for text in ('<a href="api/other.html#there">', '<a href="#here">', '<a href="https://example.org">', '<img src="page.html">',
+                     '<script>var x = "https://example.org";</script>'):
+            self.check(text, None)
+
+    def test_broken(self):
+        self.check('<a href="none.html">', "page.html: none.html: no such file")
+        self.check('<a href="api/other.html#here">', "no such anchor")
+        self.check('<a href="#there">', "no such anchor")
+        for text in ('<script src="https://example.org/x.js">', '<link href="//example.org/x.css">', '<img src="http://example.org/x.png">'):
+            self.check(text, "fetched from the network")
+
+
+class Gallery(Folder):
+    def test_digits_are_those_of_the_sd(self):
+        for value, sd, text in ((64.0485085, 0.0023, "64.0485"), (186015.7, 30.6, "186016"), (2.9993e-6, 2.6e-6, "3e-06"),
+                                (-0.00143869, 0.000166, "-0.00144"), (0.5447, 0.06, "0.545"), (0.0, None, "0")):
+            self.assertEqual(shown(value, sd), text)
+
+    def test_paragraphs_flow_and_blocks_stay(self):
+        text = "# A\n\na {}\nb `c d`\n\n| a |\n|---|\n\n```text\na\nb\n```\n\n    c\n    d\n\n* e\n* f\n"
+        self.assertEqual(flowing(text), text.replace("{}\n", "{} "))
+        self.assertTrue(all(len(line) <= 120 for line in flowing("word " * 60).split("\n")))
+
+    def test_what_is_wrong_with_a_page(self):
+        system = gallery.SYSTEMS[0]
+        good = (ROOT / f"docs/gallery/{system.page}.md").read_text()
+        for folder in (gallery, sys.modules["gallery_page"]):
+            self.addCleanup(setattr, folder, "GALLERY", folder.GALLERY)
+            folder.GALLERY = self.folder
+        for file in (ROOT / "docs/gallery").iterdir():
+            (self.folder / file.name).write_bytes(file.read_bytes())
+        name = f"{system.page}.md"
+        for text, expected in ((good, None), (good.replace("## Result", "## Results"), "headings"), (good.replace("circuit", "cirquit"), "prose"),
+                               (good.replace(gallery.picture_of(system), "silverbox_residuals.svg"), "two pictures"),
+                               (good.replace("(silverbox_residuals.svg)", "(none.svg)"), "none.svg has 0 bytes")):
+            self.page(text, name)
+            found = gallery.problems_of(system)
+            self.assertEqual(len(found) > 0, expected is not None, found)
+            self.assertIn(expected or "", " ".join(found))
 
 
 class CodeBlocks(Folder):

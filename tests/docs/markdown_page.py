@@ -21,6 +21,7 @@ class Link:
     target: str
     line: int
     picture: bool
+    words: str = ""
 
 
 @dataclass
@@ -110,10 +111,11 @@ def find_links(page, prose):
     """Links and pictures of the text, those broken over two lines too; what stands in `code` is none."""
     text = re.sub(r"`[^`\n]*`", lambda code: "`" + "x" * (len(code[0]) - 2) + "`", prose)
     for link in LINK.finditer(text):
-        page.links.append(Link(link[2], text.count("\n", 0, link.start(2)) + 1, bool(link[1])))
-    # A picture that is a link itself.
-    for link in re.finditer(r"\)\]\(([^)\s]+)\)", text):
-        page.links.append(Link(link[1], text.count("\n", 0, link.start(1)) + 1, False))
+        words = prose[link.start() + 1:text.rindex("](", link.start(), link.end())]
+        page.links.append(Link(link[2], text.count("\n", 0, link.start(2)) + 1, bool(link[1]), words))
+        # A picture that is a link itself.
+        for picture in LINK.finditer(text, link.end(1) + 1, link.end()):
+            page.links.append(Link(picture[2], text.count("\n", 0, picture.start(2)) + 1, True))
 
 
 def pages_of(root):
