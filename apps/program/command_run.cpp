@@ -1,6 +1,7 @@
 #include "apps/program/command_run.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <ostream>
 #include <stdexcept>
@@ -36,6 +37,7 @@ int run_stage(const CommandCall& call, Stage stage) {
     run.threads = call.whole_number("threads", 0, 0);
     run.quiet = call.has("quiet");
     run.force = call.has("force");
+    run.progress_every = std::chrono::seconds(call.whole_number("progress", 10, 1));
     const JobReading reading = read_and_report(call);
     if (!reading.job) return reading.exit_code();
     std::filesystem::path out = call.words[0];
