@@ -83,7 +83,7 @@ int check_job(const CommandCall& call) {
     if (!data.problems.empty()) return unusable_data;
     const int asked = call.whole_number("threads", 0, 0);
     const int threads = asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-    call.console.out << work_table(estimated_work(job, data, threads), threads);
+    call.console.out << work_table(estimated_work(job, data, threads, measured_rates(job, data)), threads);
     if (!call.has("flow")) return 0;
     try {
         call.console.out << '\n' << flow_table(job, check_flows(job));
