@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <ostream>
+#include <sstream>
 
 #include <fmt/format.h>
 
@@ -162,6 +163,8 @@ int predict_motions_of(const CommandCall& call, const StoredRun& run, const std:
 int predict_run(const CommandCall& call) {
     const int threads = call.whole_number("threads", 0, 0);
     const auto predict = [&] {
+        Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
+        progress.within("reading the run");
         const StoredRun run = read_stored_run(call.words[0]);
         const std::filesystem::path data = call.words[1];
         if (is_motion_question(run, data)) return predict_motions_of(call, run, data);
@@ -170,16 +173,24 @@ int predict_run(const CommandCall& call) {
             call.value("out", (run.folder / ("predict_" + data.stem().string())).string());
         const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
         OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
+        progress.within("reading the record");
         Experiment record;
         record.series = recorded_series(job.stored, 0);
         record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments);
-        Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
-        progress.begin("predict", 0.0, "");
-        const Forecast result = forecast(job, record);
+        const auto segments = record.series.sampling == orbits::Series::Sampling::samples
+                                  ? static_cast<double>(record.series.segments.size())
+                                  : 0.0;
+        progress.begin("predict", segments, "segments");
+        const Forecast result =
+            forecast(job, record, [&](std::size_t done) { progress.at(static_cast<double>(done)); });
         progress.end(fmt::format("{} readings", record.series.size()));
         folder.store("prediction.json", prediction_text(result));
         folder.store("residuals.csv", residuals_text(result.rows));
-        store_report(folder, call.console.error);
+        std::ostringstream complaints;
+        progress.within("report");
+        store_report(folder, complaints);
+        progress.within({});
+        call.console.error << complaints.str();
         call.console.out << prediction_summary(result, job.stored.title);
         return 0;
     };
@@ -188,8 +199,11 @@ int predict_run(const CommandCall& call) {
 
 int compare_runs(const CommandCall& call) {
     return with_stored_files(call, [&] {
+        Progress progress(false, call.console.error, call.console.error_terminal);
+        progress.within("reading the runs");
         const StoredRun first = read_stored_run(call.words[0]);
         const StoredRun second = read_stored_run(call.words[1]);
+        progress.within({});
         call.console.out << comparison_text(first, second);
         return 0;
     });
@@ -197,9 +211,12 @@ int compare_runs(const CommandCall& call) {
 
 int write_report(const CommandCall& call) {
     return with_stored_files(call, [&] {
+        Progress progress(false, call.console.error, call.console.error_terminal);
+        progress.within("report");
         const StoredRun run = read_stored_run(call.words.at(0));
         const std::filesystem::path file = run.folder / "report.html";
         write_atomically(file, report_html(run));
+        progress.within({});
         call.console.out << file.string() << '\n';
         return 0;
     });

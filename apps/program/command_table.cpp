@@ -25,6 +25,8 @@ const std::vector<CommandOption>& run_options() {
         {"out", "DIR", "folder of the results (default: the job's path without .json)", WordKind::folder},
         {"threads", "N", "threads (default 0: all cores); results do not depend on it", WordKind::number},
         {"quiet", "", "no progress on standard error"},
+        {"progress", "SECONDS", "without a terminal: longest time between two lines about a stage (default 10)",
+         WordKind::number},
         {"force", "", "overwrite a folder that holds the result of another job"}};
     return all;
 }

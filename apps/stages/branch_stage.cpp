@@ -50,6 +50,11 @@ FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbi
         options.solver = *shooting;
     options.solver.maximum_distance = std::numeric_limits<double>::infinity();
     options.interrupted = [&work] { return work.interruption.asked(); };
+    double count = 0.0;
+    const std::string parameter(job.model.parameter(options.parameter).name);
+    options.progress = [&work, &count, &parameter](std::size_t points, double value) {
+        work.progress.at(++count, fmt::format("point {} at {} = {:.6g}", points, parameter, value));
+    };
     auto diagram =
         periodic::follow_branches(work.system(), job.model.values, starting_solution(job, start.orbit), options);
     if (diagram.branches.empty())
@@ -80,7 +85,7 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
         work.progress.reused("branches", fmt::format("{} branches from branch.json", stored->branches.size()));
         return std::move(*stored);
     }
-    work.progress.begin("branches");
+    work.progress.begin("branches", 0.0, "steps");
     FollowedBranches followed = followed_from(work, orbits);
     std::size_t points = 0;
     for (const periodic::Branch& branch : followed.branches)

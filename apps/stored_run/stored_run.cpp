@@ -115,9 +115,10 @@ StoredRun read_stored_run(const std::filesystem::path& folder) {
     return run;
 }
 
-std::vector<ResidualRow> stored_residuals(const StoredRun& run) {
+namespace {
+
+std::vector<ResidualRow> stored_rows(const std::filesystem::path& file) {
     std::vector<ResidualRow> rows;
-    const auto file = run.folder / "residuals.csv";
     if (!std::filesystem::exists(file)) return rows;
     orbits::TextTable table(file);
     const std::size_t experiment = table.column("experiment");
@@ -133,6 +134,16 @@ std::vector<ResidualRow> stored_residuals(const StoredRun& run) {
                         number_or_nan(table, cells[at], at), number_or_nan(table, cells[observed], observed),
                         number_or_nan(table, cells[predicted], predicted), number_or_nan(table, cells[sd], sd)});
     return rows;
+}
+
+}  // namespace
+
+std::vector<ResidualRow> stored_residuals(const StoredRun& run) {
+    return stored_rows(run.folder / "residuals.csv");
+}
+
+std::vector<ResidualRow> stored_predictions(const StoredRun& run) {
+    return stored_rows(run.folder / "predictions.csv");
 }
 
 std::optional<StoredDraws> stored_draws(const StoredRun& run) {

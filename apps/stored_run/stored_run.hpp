@@ -59,6 +59,9 @@ struct StoredRun {
 /// @throws orbits::DataError naming file, line and column of what cannot be read.
 [[nodiscard]] std::vector<ResidualRow> stored_residuals(const StoredRun& run);
 
+/// predictions.csv: the readings of segments that were only predicted. As stored_residuals.
+[[nodiscard]] std::vector<ResidualRow> stored_predictions(const StoredRun& run);
+
 /// Draws from the posterior: names of the columns of posterior.csv, and the values.
 struct StoredDraws {
     std::vector<std::string> names;            ///< sampled quantities, without chain, draw and minus_log_density

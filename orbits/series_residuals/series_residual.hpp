@@ -62,6 +62,13 @@ struct SegmentPrediction {
     Eigen::VectorXd state;        ///< shape (n): the initial state, fitted to this segment where it is free
     Eigen::VectorXd rms;          ///< per observed coordinate, in its unit; nan without samples
     double normalised_rms = 0.0;  ///< of all records, each divided by the sd of its error
+    struct Reading {
+        Eigen::Index channel = 0;  ///< index into the observed coordinates
+        Eigen::Index sample = 0;   ///< column of the segment
+        double value = 0.0;
+        double error = 0.0;  ///< value minus prediction
+    };
+    std::vector<Reading> readings{};  ///< all of the segment; none where it could not be simulated
 };
 
 /// A sampled series minus its prediction from one initial state per segment (single shooting).

@@ -142,6 +142,36 @@ TEST_CASE("an evaluation that is left keeps the best so far", "[estimator]") {
     }
 }
 
+TEST_CASE("who watches an estimate is told its start, every step, and what follows", "[estimator]") {
+    using estimator::StepReport;
+    for (const bool plain : {false, true}) {
+        CAPTURE(plain);
+        FunctionResidual residual;
+        residual.add_group(group("y", 0.01, plain));
+        residual.add_block(layout("all", 5), exponential(1e9));
+        std::vector<StepReport> reports;
+        estimator::EstimateOptions options;
+        options.watched = [&](const StepReport& report) { reports.push_back(report); };
+        const auto result = estimator::estimate({free_parameter("theta", -3.0)}, {&residual}, {}, options);
+        REQUIRE(result.status == estimator::EstimateStatus::converged);
+        REQUIRE(reports.size() > 3);
+        CHECK(reports.front().iteration == 0);
+        CHECK(std::isnan(reports.front().step));
+        CHECK(reports.front().theta[0] == -3.0);
+        CHECK(reports.back().phase == StepReport::Phase::uncertainty);
+        CHECK(reports.back().theta[0] == result.parameters[0].value);
+        int last = 0;
+        for (const StepReport& report : reports) {
+            if (report.phase != StepReport::Phase::minimisation || std::isnan(report.step)) continue;
+            CHECK(report.iteration == ++last);
+            CHECK(report.decrease >= 0.0);
+            CHECK(report.step >= 0.0);
+            CHECK(report.damping >= 0.0);
+        }
+        CHECK(last == result.iterations);
+    }
+}
+
 TEST_CASE("estimates share a residual, which never changes", "[estimator]") {
     const FunctionResidual residual = three_blocks(0.45);
     const std::vector<estimator::FreeParameter> parameters{free_parameter("theta", 0.0)};
