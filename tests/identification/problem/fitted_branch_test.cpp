@@ -25,7 +25,7 @@ std::vector<FittedPiece> pieces_over(double lower, double upper, std::vector<per
     branch.channels.resize(1);
     branch.at = Eigen::Vector2d(1.4, 1.4);
     branch.values = Eigen::RowVector2d(2.15, 0.44);
-    branch.start.points = Eigen::Vector2d(2.1, 0.5);
+    branch.start.points = Eigen::Vector2d(1.4, 2.35);
     branch.range.emplace(lower, upper);
     branch.readings = std::move(readings);
     problem = identification::completed(problem);
@@ -38,7 +38,7 @@ std::vector<FittedPiece> pieces_over(double lower, double upper, std::vector<per
         orbit.binding = setup.model;
         orbit.values = branch.values.col(i);
         periodic::StartingSolution start;
-        start.points = i == 0 ? Eigen::Vector2d(2.1, 0.5) : Eigen::Vector2d(-0.43, 0.0);
+        start.points = i == 0 ? Eigen::Vector2d(1.4, 2.35) : Eigen::Vector2d(-0.43, 0.0);
         orbit.starts = {start};
     }
     periodic::BranchOptions options;
