@@ -147,9 +147,13 @@ void add_branch_rows(const Workspace& work, const periodic::BranchResidual& resi
             const double known =
                 orbit.deviations.size() > 0 && residual.channels()[sources[r]].known_sds ? orbit.deviations[c] : 1.0;
             const double observed = orbit.values[c];
+            const double predicted = observed - values[b].e[static_cast<Eigen::Index>(r)];
+            double sd = scale != nullptr ? scale->value * known : estimator::nan_value;
+            if (std::holds_alternative<estimator::LogNormalErrors>(residual.channels()[sources[r]].distribution))
+                sd *= std::abs(predicted);
+            if (scale != nullptr) sd = std::hypot(sd, relative_of(*scale) * predicted);
             rows.push_back({"branch", orbit.label, group.substr(group.find('.') + 1), orbit.binding.base[parameter],
-                            observed, observed - values[b].e[static_cast<Eigen::Index>(r)],
-                            scale != nullptr ? scale->value * known : estimator::nan_value});
+                            observed, predicted, sd});
         }
     }
 }
@@ -208,9 +212,32 @@ void add_initial_states(const Job& job, std::size_t experiment, const orbits::Se
     }
 }
 
+namespace {
+
+/// Readings of a segment that was not fitted. Where errors have no sd of their own for all readings none is given.
+void add_predicted_rows(const identification::IdentificationProblem& problem, const identification::Experiment& data,
+                        const orbits::SeriesResidual& residual, const estimator::Estimate& estimate,
+                        const orbits::SegmentPrediction& prediction, std::vector<ResidualRow>& rows) {
+    const orbits::Segment& segment = residual.series().segments[prediction.segment];
+    std::vector<double> sds;
+    for (const estimator::Group& group : residual.groups()) {
+        const auto* scale = scale_of(estimate, group.name);
+        const bool one = scale != nullptr && !scale->factor && relative_of(*scale) == 0.0;
+        sds.push_back(one ? scale->value : estimator::nan_value);
+    }
+    for (const auto& reading : prediction.readings) {
+        const auto channel = static_cast<std::size_t>(reading.channel);
+        rows.push_back({data.name, segment.label, std::string(problem.coordinate(data.observe[channel]).name),
+                        segment.times[reading.sample], reading.value, reading.value - reading.error, sds[channel]});
+    }
+}
+
+}  // namespace
+
 void add_predictions(const identification::IdentificationProblem& problem, std::size_t experiment,
                      const orbits::SeriesResidual& residual, const estimator::Estimate& estimate,
-                     const Eigen::VectorXd& theta, bool with_fitted, ResultContext& context) {
+                     const Eigen::VectorXd& theta, bool with_fitted, ResultContext& context,
+                     std::vector<ResidualRow>& rows) {
     const identification::Experiment& data = problem.experiments[experiment];
     std::vector<std::size_t> segments;
     if (with_fitted) segments = data.fitted_segments();
@@ -231,10 +258,14 @@ void add_predictions(const identification::IdentificationProblem& problem, std::
         prediction.segment = residual.series().segments[predictions[i].segment].label;
         prediction.normalised_rms = predictions[i].normalised_rms;
         prediction.fitted = i < fitted;
+        prediction.readings.assign(data.observe.size(), 0);
+        for (const auto& reading : predictions[i].readings)
+            ++prediction.readings[static_cast<std::size_t>(reading.channel)];
         for (Eigen::Index c = 0; c < predictions[i].rms.size(); ++c) {
             const Eigen::Index coordinate = data.observe[static_cast<std::size_t>(c)];
             prediction.rms.emplace_back(problem.coordinate(coordinate).name, predictions[i].rms[c]);
         }
+        if (!prediction.fitted) add_predicted_rows(problem, data, residual, estimate, predictions[i], rows);
         context.predictions.push_back(std::move(prediction));
     }
 }

@@ -64,8 +64,10 @@ void add_first_nodes(const Job& job, std::size_t experiment, const orbits::Shoot
 /// Prediction errors of the fitted segments, then of those only predicted, from one initial state each.
 /// @param theta        the estimate, as the estimator's vector.
 /// @param with_fitted  false: only the segments not fitted.
+/// @param rows         gets the readings of the segments not fitted.
 void add_predictions(const identification::IdentificationProblem& problem, std::size_t experiment,
                      const orbits::SeriesResidual& residual, const estimator::Estimate& estimate,
-                     const Eigen::VectorXd& theta, bool with_fitted, ResultContext& context);
+                     const Eigen::VectorXd& theta, bool with_fitted, ResultContext& context,
+                     std::vector<ResidualRow>& rows);
 
 }  // namespace orbid::apps

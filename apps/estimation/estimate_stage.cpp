@@ -7,11 +7,14 @@
 
 #include <fmt/format.h>
 
+#include "apps/estimation/best_so_far.hpp"
 #include "apps/estimation/checkpoint_fields.hpp"
+#include "apps/estimation/estimate_branch.hpp"
 #include "apps/estimation/estimate_records.hpp"
 #include "apps/estimation/estimate_waveform.hpp"
 #include "apps/estimation/job_problem.hpp"
 #include "apps/estimation/posterior_stage.hpp"
+#include "apps/estimation/step_outlook.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/periodic_job.hpp"
@@ -93,6 +96,7 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
     const estimator::Estimate& estimate = run.estimate;
     const ProblemResiduals& residuals = run.residuals;
     std::vector<ResidualRow> rows;
+    std::vector<ResidualRow> predicted;
     if (!run.is_evaluated()) return rows;
     const Eigen::VectorXd theta = estimated_theta(estimate);
     const auto sds = [&](std::size_t index) {
@@ -111,7 +115,7 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         add_series_rows(work, experiment, *residuals.series[i], estimate, estimate.residuals[index], rows);
         add_initial_states(job, experiment, *residuals.series[i], estimate, setup.initial[experiment],
                            estimate.latents[index], sds(index), context);
-        add_predictions(problem, experiment, *residuals.series[i], estimate, theta, true, context);
+        add_predictions(problem, experiment, *residuals.series[i], estimate, theta, true, context, predicted);
     }
     for (std::size_t i = 0; i < residuals.shooting.size(); ++i, ++index) {
         const std::size_t experiment = residuals.shooting_experiments[i];
@@ -121,7 +125,7 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         if (job.data[experiment].predict.empty() || !samples) continue;
         // Segments that took no part: single shooting over each.
         const auto single = identification::single_shooting(problem, experiment, setup);
-        add_predictions(problem, experiment, *single, estimate, theta, false, context);
+        add_predictions(problem, experiment, *single, estimate, theta, false, context, predicted);
     }
     if (residuals.waveform.residual) {
         add_waveform_rows(job, residuals.waveform, estimate, estimate.residuals[index], rows);
@@ -132,17 +136,14 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         ++index;
     }
     if (residuals.branch) {
-        add_branch_rows(work, *residuals.branch, estimate, estimate.residuals[index], rows);
+        std::vector<ResidualRow> own;
+        add_branch_rows(work, *residuals.branch, estimate, estimate.residuals[index], own);
         add_branch_states(*residuals.branch, estimate.active[index], theta, context);
+        store_fitted_branch(work, problem, setup, *residuals.branch, estimate.active[index], theta, own, context);
+        rows.insert(rows.end(), own.begin(), own.end());
     }
+    if (!predicted.empty()) work.folder.store("predictions.csv", residuals_text(predicted, work.asking()));
     return rows;
-}
-
-/// result.json of a run that is left with what its strategy has come to.
-std::string interrupted_result(estimator::Estimate estimate, const ResultContext& context) {
-    estimate.status = estimator::EstimateStatus::interrupted;
-    if (estimate.message.empty()) estimate.message = "interrupted";
-    return result_text(estimate, context);
 }
 
 /// Shows an identification, and stores in the job's folder what it has come to.
@@ -153,7 +154,9 @@ public:
           problem_(problem),
           outcome_(outcome),
           checkpoint_(work.folder, outcome.context.fingerprint),
-          setup_(estimate_setup(problem, identification::fitted_labels(problem))) {}
+          setup_(estimate_setup(problem, identification::fitted_labels(problem))),
+          best_(work, setup_.parameters, outcome.context),
+          outlook_(identification_options(work.job).step_tolerance) {}
 
     [[nodiscard]] Checkpoint& checkpoint() { return checkpoint_; }
     [[nodiscard]] const EstimateSetup& setup() const { return setup_; }
@@ -169,6 +172,12 @@ public:
     }
     void at(double done, const std::string& note) override { work_.progress.at(done, note); }
     void end(const std::string& outcome) override { work_.progress.end(outcome); }
+    void within(const std::string& work) override { work_.progress.within(work); }
+    void step(const std::string& minimisation, const estimator::StepReport& report) override {
+        const StepOutlook::State state = outlook_.after(minimisation, report);
+        work_.progress.note(state.words, state.remaining_s);
+    }
+    void reached(const Eigen::VectorXd& theta, double objective) override { best_.reached(theta, objective); }
     void recalled(const std::string& step, const std::string& outcome) override {
         work_.progress.reused(step, outcome + ", from checkpoint.bin");
     }
@@ -186,7 +195,12 @@ public:
         if (staged) context.strategy.stages = so_far.stages;
         context.posterior.optima = so_far.optima;
         context.posterior.runs = so_far.runs;
-        work_.stop.shows(interrupted_result(so_far.estimate, context));
+        const estimator::Estimate& estimate = so_far.estimate;
+        // A stage that was skipped or failed has nothing better than what was reached.
+        if (!estimate.parameters.empty() && estimate.status != estimator::EstimateStatus::failed) {
+            best_.finish();
+            work_.stop.shows(interrupted_result(estimate, context));
+        }
         if (staged) work_.folder.store("result.json", result_text(so_far.estimate, context));
     }
     /// What the best stage says beyond its estimate, stored before what may take long, and again with it.
@@ -195,6 +209,7 @@ public:
         ResultContext& context = outcome_.context;
         // A description that takes long after a stop is left: the estimate alone is stored then.
         work_.stop.shows(interrupted_result(result.estimate, context));
+        work_.progress.within("description of the estimate");
         context.evidence.reason = "there is no estimate";
         if (!cycles_.cycles.empty()) count_cycles(cycles_, context);
         const orbits::CycleSearch& search = cycles_.cycles.empty() ? problem_.measured.search : cycles_;
@@ -207,6 +222,7 @@ public:
                                            best.estimate);
         }
         work_.folder.store("result.json", result_text(result.estimate, context));
+        work_.progress.within({});
     }
 
     [[nodiscard]] bool recall(const std::string& name, StageValue& value) override {
@@ -232,6 +248,8 @@ private:
     EstimateOutcome& outcome_;
     Checkpoint checkpoint_;
     EstimateSetup setup_;
+    BestSoFar best_;
+    StepOutlook outlook_;
     identification::Options options_ = identification_options(work_.job);
     orbits::CycleSearch cycles_;  ///< with those of a harvest; empty: the measured ones
     std::function<bool()> asking_ = work_.asking();
@@ -260,7 +278,6 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     JobObserver observer(work, problem, outcome);
     for (const auto& parameter : observer.setup().parameters)
         outcome.context.posterior.parameters.push_back(parameter.name);
-    work.stop.shows(interrupted_result({}, outcome.context));
 
     const IdentificationResult result = identify(problem, identification_options(work.job), observer);
     outcome.estimate = result.estimate;

@@ -43,8 +43,28 @@ orbits::CycleTargetOptions cycle_targets(const Job& whole) {
     return targets;
 }
 
-/// Reads the file of a branch.
-identification::BranchChoice branch_choice(const Job& job) {
+identification::Experiment identification_experiment(const DataJob& job, const Experiment* record) {
+    identification::Experiment experiment;
+    experiment.name = job.name;
+    if (record != nullptr) {
+        experiment.series = borrowed(record->series);
+        experiment.inputs = record->inputs;
+    }
+    experiment.sensor = job.sensor;
+    experiment.observe = job.observe;
+    experiment.parameters = job.parameters;
+    experiment.free = job.free;
+    experiment.fit = job.fit;
+    experiment.predict = job.predict;
+    experiment.initial_state = job.initial_state;
+    if (job.inputs) experiment.delay = job.inputs->delay_parameter;
+    experiment.follows_model = job.simulation.has_value();
+    return experiment;
+}
+
+}  // namespace
+
+identification::BranchChoice measured_branch(const Job& job) {
     const BranchResidualJob& asked = *job.estimate->branch;
     identification::BranchChoice branch;
     orbits::TableLayout layout;
@@ -61,7 +81,7 @@ identification::BranchChoice branch_choice(const Job& job) {
     add(std::string(parameter.name), std::string(parameter.unit), asked.at, {});
     for (const BranchResidualJob::Measure& one : asked.measures) {
         const bool frequency = one.measure == periodic::OrbitMeasure::frequency;
-        const std::string unit(frequency ? "Hz" : job.model.coordinate(one.column.coordinate).unit);
+        const std::string unit = frequency ? "Hz" : asked.quantity(*job.model.system, one.column.coordinate).second;
         add(fmt::format("{} {}", layout.coordinates.size(), periodic::name_of(one.measure)), unit, one.column,
             one.error.sd_column);
         branch.channels.push_back({one.measure, one.error});
@@ -81,28 +101,9 @@ identification::BranchChoice branch_choice(const Job& job) {
     branch.start.time = asked.orbit.time;
     branch.start.section = job_section(job);
     branch.range = asked.range;
+    branch.readings = asked.readings;
     return branch;
 }
-
-identification::Experiment identification_experiment(const DataJob& job, const Experiment* record) {
-    identification::Experiment experiment;
-    experiment.name = job.name;
-    if (record != nullptr) {
-        experiment.series = borrowed(record->series);
-        experiment.inputs = record->inputs;
-    }
-    experiment.sensor = job.sensor;
-    experiment.observe = job.observe;
-    experiment.parameters = job.parameters;
-    experiment.free = job.free;
-    experiment.fit = job.fit;
-    experiment.predict = job.predict;
-    experiment.initial_state = job.initial_state;
-    experiment.follows_model = job.simulation.has_value();
-    return experiment;
-}
-
-}  // namespace
 
 identification::IdentificationProblem identification_problem(const Job& job, std::span<const Experiment> data) {
     identification::IdentificationProblem problem;
@@ -116,7 +117,7 @@ identification::IdentificationProblem identification_problem(const Job& job, std
     if (job.estimate->cycles) problem.cycles = cycle_targets(job);
     problem.series = job.estimate->series;
     problem.waveform = job.estimate->waveform;
-    if (job.estimate->branch) problem.branch = branch_choice(job);
+    if (job.estimate->branch) problem.branch = measured_branch(job);
     problem.measured.section_phase = job.section_phase;
     if (job.orbits && !job.orbits->file) problem.measured.experiment = job.orbits->data;
     return problem;

@@ -23,4 +23,8 @@ void add_measured_cycles(const Job& job, const SearchedSection* section, const o
 
 [[nodiscard]] identification::Options identification_options(const Job& job);
 
+/// The measured motions of the job's residual of type branch; reads their file.
+/// @throws orbits::DataError
+[[nodiscard]] identification::BranchChoice measured_branch(const Job& job);
+
 }  // namespace orbid::apps

@@ -51,12 +51,15 @@ public:
         : work_(work), estimate_(estimate), checkpoint_(checkpoint), results_(results) {}
 
     /// What is found of single unknowns.
+    /// @param asked  names of them; empty: all
     template <class Found, class Compute>
-    void unknowns(const std::string& block, std::vector<Found>& found, const Compute& compute) {
+    void unknowns(const std::string& block, const std::vector<std::string>& asked, std::vector<Found>& found,
+                  const Compute& compute) {
         attempt(block, [&] {
             const auto count = [&] { return fmt::format("{} unknowns", found.size()); };
             if (checkpoint_.recall(block, found)) return work_.progress.reused(block, count());
-            work_.progress.begin(block);
+            const std::size_t total = asked.empty() ? all_unknowns() : asked.size();
+            work_.progress.begin(block, static_cast<double>(total), "unknowns");
             found = compute();
             keep(block, found);
             work_.progress.end(count());
@@ -79,7 +82,9 @@ public:
             options.warm_up = static_cast<int>(job.warm_up);
             options.seed = work_.job.seed;
             options.interrupted = [this] { return work_.interruption.asked(); };
-            options.progress = [this](int done, int) { work_.progress.at(done); };
+            options.progress = [this](int done, int total) {
+                work_.progress.at(done, done < total ? "" : "diagnostics");
+            };
             const std::size_t iterations = job.chains * (job.draws + job.warm_up);
             work_.progress.begin("posterior", static_cast<double>(iterations), "iterations");
             found = compute(options);
@@ -92,6 +97,14 @@ public:
     }
 
 private:
+    /// Parameters and error parameters that are estimated.
+    [[nodiscard]] std::size_t all_unknowns() const {
+        std::size_t count = estimate_.parameters.size();
+        for (const estimator::EstimatedScale& scale : estimate_.scales)
+            if (scale.estimated) count += 1 + scale.shape.size();
+        return count;
+    }
+
     /// A wrong call would be our bug, but a posterior without an integral is the job's: it is named, and the run goes
     /// on.
     template <class Action>
@@ -134,17 +147,21 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
     const EstimateJob& job = *work.job.estimate;
     estimator::EstimateOptions quiet = options;
     quiet.progress = {};
+    quiet.watched = {};
+    const auto progress = [&work](int finished, int) { work.progress.at(finished); };
     Exploration exploration(work, estimate, checkpoint, results);
     if (job.profile.any())
-        exploration.unknowns("profile", results.profiles, [&] {
+        exploration.unknowns("profile", chosen(job.profile, parameters), results.profiles, [&] {
             estimator::ProfileOptions profile;
             profile.names = chosen(job.profile, parameters);
+            profile.progress = progress;
             return estimator::profiles(parameters, residuals, quiet, estimate, profile);
         });
     if (job.marginals.any())
-        exploration.unknowns("marginals", results.marginals, [&] {
+        exploration.unknowns("marginals", chosen(job.marginals, parameters), results.marginals, [&] {
             estimator::MarginalOptions marginal;
             marginal.names = chosen(job.marginals, parameters);
+            marginal.progress = progress;
             return estimator::marginals(parameters, residuals, quiet, estimate, marginal);
         });
     if (job.sample.draws > 0)

@@ -82,7 +82,8 @@ struct InputJob {
     std::string time_unit = "s";
     std::vector<ColumnJob> columns;  ///< one per input of the model, in its order; `coordinate` is the input's index
     models::InputSignal::Interpolation interpolation = models::InputSignal::Interpolation::linear;
-    double delay = 0.0;  ///< [s] between an input and its effect: the model reads u(t - delay)
+    double delay = 0.0;                           ///< [s] between an input and its effect: the model reads u(t - delay)
+    std::optional<Eigen::Index> delay_parameter;  ///< the model's, in place of `delay`
 };
 
 using InitialValueJob = identification::InitialValue;

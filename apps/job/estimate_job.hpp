@@ -19,6 +19,7 @@
 #include "estimator/interface/prior.hpp"
 #include "estimator/interface/residual.hpp"
 #include "identification/problem/identification_problem.hpp"
+#include "periodic/waveforms/branch_residual.hpp"
 
 namespace orbid::apps {
 
@@ -69,14 +70,31 @@ struct BranchResidualJob {
     std::string sha256;                         ///< of `file`, expected; empty: not given
     Eigen::Index parameter = -1;                ///< of the model; < 0: refused
     ColumnJob at;                               ///< its column; `coordinate` has no meaning
+    std::vector<periodic::OrbitReading> readings;
     struct Measure {
         periodic::OrbitMeasure measure = periodic::OrbitMeasure::half_range;
-        ColumnJob column;  ///< of the coordinate; of the frequency without meaning
+        ColumnJob column;  ///< of the coordinate, or n + i of `readings`; of the frequency without meaning
         ErrorJob error;
     };
     std::vector<Measure> measures;
     OrbitStart orbit;                                ///< of the branch, at the job's own values; forced: at phase 0
     std::optional<std::pair<double, double>> range;  ///< over which the branch is followed
+
+    /// Name and unit of what is read of the motions: a coordinate, or reading `index` - n.
+    [[nodiscard]] std::pair<std::string, std::string> quantity(const models::System& system, Eigen::Index index) const {
+        if (index < system.dimension()) {
+            const models::Coordinate& coordinate = system.coordinates()[static_cast<std::size_t>(index)];
+            return {std::string(coordinate.name), std::string(coordinate.unit)};
+        }
+        const periodic::OrbitReading& reading = readings[static_cast<std::size_t>(index - system.dimension())];
+        return {reading.name, reading.unit};
+    }
+    /// "h.half_range", "frequency".
+    [[nodiscard]] std::string measure_name(const models::System& system, periodic::OrbitMeasure measure,
+                                           Eigen::Index index) const {
+        const std::string& name = periodic::name_of(measure);
+        return measure == periodic::OrbitMeasure::frequency ? name : quantity(system, index).first + "." + name;
+    }
 };
 
 using identification::ResidualType;

@@ -92,6 +92,12 @@ std::string settle_evaluation(Job& job) {
     return model.cached ? "equations compiled, found in the cache" : "equations compiled";
 }
 
+bool is_compiled_first(const Job& job) {
+    if (!job.model.equations || job.model.compiled || !wants_compiled(job)) return false;
+    const CompiledModelState state = compiled_model_state(*job.model.equations);
+    return state.possible && !state.cached;
+}
+
 std::string planned_evaluation(const Job& job) {
     if (!job.model.equations) return {};
     if (job.model.compiled) return "compiled: they cannot be interpreted";

@@ -25,6 +25,9 @@ namespace orbid::apps {
 /// @return what was done and why, for the log; empty for a model of the registry.
 [[nodiscard]] std::string settle_evaluation(Job& job);
 
+/// Whether settle_evaluation() would compile: "compile" asks for it, it is possible, and the cache has no such model.
+[[nodiscard]] bool is_compiled_first(const Job& job);
+
 /// What settle_evaluation() would do, for `orbid check`; nothing is compiled.
 [[nodiscard]] std::string planned_evaluation(const Job& job);
 

@@ -20,8 +20,11 @@ namespace orbid::apps {
 /// each block uses the earlier ones. Where the model is unknown, names and domains are not checked.
 void read_model(ObjectReader& root, Job& job);
 void read_section(ObjectReader& root, Job& job);
-/// The names in the formulas of the sensors in "data", before the model is known that they are parsed with.
-[[nodiscard]] std::vector<std::string> names_in_sensors(const JsonValue& data);
+/// The names in the formulas of the sensors in "data", and those of delays, before the model is known that they are
+/// parsed with.
+[[nodiscard]] std::vector<std::string> names_in_data(const JsonValue& data);
+/// Those in the "readings" of the residuals of "estimate", likewise.
+[[nodiscard]] std::vector<std::string> names_in_residuals(const JsonValue& estimate);
 void read_data(ObjectReader& root, Job& job);
 void read_orbits(ObjectReader& root, Job& job);
 void read_periodic(ObjectReader& root, Job& job);

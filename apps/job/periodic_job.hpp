@@ -11,6 +11,7 @@
 #include "periodic/branches/continuation.hpp"
 #include "periodic/search/orbit_search.hpp"
 #include "periodic/solution/solve_orbit.hpp"
+#include "periodic/waveforms/orbit_measures.hpp"
 
 namespace orbid::apps {
 
@@ -22,6 +23,8 @@ struct ContinuationJob {
     std::size_t orbit = 0;  ///< of the list in orbits.json where it starts
     periodic::ContinuationOptions options;
     std::optional<Eigen::Index> plotted;  ///< coordinate shown in branch.svg; empty: the time T
+    std::optional<periodic::OrbitMeasure>
+        measure{};  ///< of it, along whole orbits; or the frequency, without coordinate
 };
 
 struct PeriodicJob {

@@ -1,6 +1,7 @@
 #include "apps/program/command_run.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <ostream>
 #include <stdexcept>
@@ -36,6 +37,7 @@ int run_stage(const CommandCall& call, Stage stage) {
     run.threads = call.whole_number("threads", 0, 0);
     run.quiet = call.has("quiet");
     run.force = call.has("force");
+    run.progress_every = std::chrono::seconds(call.whole_number("progress", 10, 1));
     const JobReading reading = read_and_report(call);
     if (!reading.job) return reading.exit_code();
     std::filesystem::path out = call.words[0];
@@ -81,7 +83,7 @@ int check_job(const CommandCall& call) {
     if (!data.problems.empty()) return unusable_data;
     const int asked = call.whole_number("threads", 0, 0);
     const int threads = asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-    call.console.out << work_table(estimated_work(job, data, threads), threads);
+    call.console.out << work_table(estimated_work(job, data, threads, measured_rates(job, data)), threads);
     if (!call.has("flow")) return 0;
     try {
         call.console.out << '\n' << flow_table(job, check_flows(job));

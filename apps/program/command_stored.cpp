@@ -5,21 +5,27 @@
 #include <filesystem>
 #include <functional>
 #include <ostream>
+#include <sstream>
 
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/drawing/chart_picture.hpp"
 #include "apps/job/data_job.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/job/version.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/report/plots/picture_file.hpp"
 #include "apps/report/plots/plot_catalog.hpp"
+#include "apps/report/plots/run_charts.hpp"
 #include "apps/report/report_page.hpp"
 #include "apps/report/run_comparison.hpp"
 #include "apps/results/summary_table.hpp"
+#include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/progress.hpp"
 #include "apps/stages/recorded_series.hpp"
 #include "apps/stored_run/forecast.hpp"
+#include "apps/stored_run/motion_results.hpp"
 #include "apps/stored_run/prediction_job.hpp"
 #include "apps/stored_run/prediction_results.hpp"
 #include "apps/stored_run/stored_run.hpp"
@@ -118,26 +124,73 @@ int plot_run(const CommandCall& call) {
     });
 }
 
+namespace {
+
+/// Answers a question on periodic motions.
+int predict_motions_of(const CommandCall& call, const StoredRun& run, const std::filesystem::path& file) {
+    const MotionQuestion question = motion_question(run, file, call.value("experiment", ""));
+    if (call.has("inputs"))
+        throw CommandLineError("--inputs belongs to a record; a question on periodic motions has none");
+    const Job& job = question.job;
+    const std::filesystem::path out = call.value("out", (run.folder / ("predict_" + file.stem().string())).string());
+    const nlohmann::json document = nlohmann::json::parse(job_document(job, out, versions()).dump());
+    OutputFolder folder(out, document, job_text(job, out, versions()), call.has("force"));
+    Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
+    const MotionPrediction result =
+        predict_motions(run, question, [&](const std::string& what, std::size_t done, std::size_t total) {
+            if (done == 0) return progress.begin(what, static_cast<double>(total), "draws");
+            progress.at(static_cast<double>(done));
+        });
+    progress.end();
+    folder.store("prediction.json", motion_prediction_text(result));
+    if (!result.followed.branches.empty()) {
+        const models::Parameter& parameter = job.model.parameter(job.periodic->continuation->options.parameter);
+        CycleFileHead head = cycle_file_head(job, {});
+        head.coordinates = series_coordinates(*job.model.system);
+        const periodic::ContinuationOptions& options = job.periodic->continuation->options;
+        folder.store("branch.json", branches_text(head, parameter, options.lower, options.upper, result.followed));
+        folder.store("branch.csv", predicted_branch_csv(head, parameter, result));
+        const StoredRun stored = read_stored_run(out);
+        folder.store("branch.svg", chart_svg(branch_chart(stored), job.title, run_picture_style));
+    }
+    store_report(folder, call.console.error);
+    call.console.out << motion_summary(result, job.title);
+    return 0;
+}
+
+}  // namespace
+
 int predict_run(const CommandCall& call) {
     const int threads = call.whole_number("threads", 0, 0);
     const auto predict = [&] {
+        Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
+        progress.within("reading the run");
         const StoredRun run = read_stored_run(call.words[0]);
         const std::filesystem::path data = call.words[1];
+        if (is_motion_question(run, data)) return predict_motions_of(call, run, data);
         const PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
         const std::filesystem::path out =
             call.value("out", (run.folder / ("predict_" + data.stem().string())).string());
         const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
         OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
+        progress.within("reading the record");
         Experiment record;
         record.series = recorded_series(job.stored, 0);
         record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments);
-        Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
-        progress.begin("predict", 0.0, "");
-        const Forecast result = forecast(job, record);
+        const auto segments = record.series.sampling == orbits::Series::Sampling::samples
+                                  ? static_cast<double>(record.series.segments.size())
+                                  : 0.0;
+        progress.begin("predict", segments, "segments");
+        const Forecast result =
+            forecast(job, record, [&](std::size_t done) { progress.at(static_cast<double>(done)); });
         progress.end(fmt::format("{} readings", record.series.size()));
         folder.store("prediction.json", prediction_text(result));
         folder.store("residuals.csv", residuals_text(result.rows));
-        store_report(folder, call.console.error);
+        std::ostringstream complaints;
+        progress.within("report");
+        store_report(folder, complaints);
+        progress.within({});
+        call.console.error << complaints.str();
         call.console.out << prediction_summary(result, job.stored.title);
         return 0;
     };
@@ -146,8 +199,11 @@ int predict_run(const CommandCall& call) {
 
 int compare_runs(const CommandCall& call) {
     return with_stored_files(call, [&] {
+        Progress progress(false, call.console.error, call.console.error_terminal);
+        progress.within("reading the runs");
         const StoredRun first = read_stored_run(call.words[0]);
         const StoredRun second = read_stored_run(call.words[1]);
+        progress.within({});
         call.console.out << comparison_text(first, second);
         return 0;
     });
@@ -155,9 +211,12 @@ int compare_runs(const CommandCall& call) {
 
 int write_report(const CommandCall& call) {
     return with_stored_files(call, [&] {
+        Progress progress(false, call.console.error, call.console.error_terminal);
+        progress.within("report");
         const StoredRun run = read_stored_run(call.words.at(0));
         const std::filesystem::path file = run.folder / "report.html";
         write_atomically(file, report_html(run));
+        progress.within({});
         call.console.out << file.string() << '\n';
         return 0;
     });

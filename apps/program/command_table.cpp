@@ -25,6 +25,8 @@ const std::vector<CommandOption>& run_options() {
         {"out", "DIR", "folder of the results (default: the job's path without .json)", WordKind::folder},
         {"threads", "N", "threads (default 0: all cores); results do not depend on it", WordKind::number},
         {"quiet", "", "no progress on standard error"},
+        {"progress", "SECONDS", "without a terminal: longest time between two lines about a stage (default 10)",
+         WordKind::number},
         {"force", "", "overwrite a folder that holds the result of another job"}};
     return all;
 }
@@ -123,7 +125,7 @@ std::vector<Command> comparing_commands() {
     return {
         Command{
             "predict",
-            "how well the estimate of a stored run predicts a further record",
+            "how well the estimate of a stored run predicts a further record, or periodic motions with bands",
             {{"DIR", WordKind::folder}, {"DATA", WordKind::file}},
             {{"out", "DIR", "folder of the prediction (default DIR/predict_NAME)", WordKind::folder},
              {"experiment", "NAME", "experiment of the run that the record is like (default: the only one)"},
@@ -132,9 +134,11 @@ std::vector<Command> comparing_commands() {
              {"quiet", "", "no progress on standard error"},
              {"threads", "N", "threads (default 0: all cores); results do not depend on it", WordKind::number},
              {"force", "", "overwrite a folder that holds the result of another job"}},
-            {{"orbid predict out further.csv", "errors over the record, and how far ahead they stay within 2 sds"}},
+            {{"orbid predict out further.csv", "errors over the record, and how far ahead they stay within 2 sds"},
+             {"orbid predict out question.json", "orbits and branches at other parameters, stable or not, with bands"}},
             predict_run,
-            "DATA is a table or HDF5 file in the layout of the run's data, or a JSON\nfile with one \"data\" object."},
+            "DATA is a table or HDF5 file in the layout of the run's data, or a JSON\nfile with one \"data\" object. "
+            "JSON with \"periodic\" or \"measured\" is a question\non periodic motions."},
         Command{"compare",
                 "two stored runs beside each other",
                 {{"DIR", WordKind::folder}, {"DIR2", WordKind::folder}},

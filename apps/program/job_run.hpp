@@ -37,7 +37,7 @@ struct JobRun {
 struct JobRunCalls {
     std::function<bool()> stopped;  ///< true: stop at the next step with the best result so far
     std::function<void(std::string_view line)>
-        messages;  ///< each line of JobRun::messages as it comes, without its end
+        messages;  ///< each line of JobRun::messages as it comes, without its end; one at a time, from any thread
 };
 
 /// All problems of a job, including those of its data files; none: it can be run.

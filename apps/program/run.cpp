@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <ostream>
+#include <sstream>
 #include <stdexcept>
 #include <thread>
 
@@ -88,6 +89,15 @@ std::string result_without_estimate() {
     return result_text(estimate, {});
 }
 
+/// The section that is searched for cycles, cut from samples if need be.
+SearchedSection section_of(const Workspace& work, const orbits::Series& series) {
+    const RunStop::AtOnce leaving(work.stop);
+    work.progress.within("section of the samples");
+    SearchedSection section = searched_section(work.job, series, work.asking());
+    work.progress.within({});
+    return section;
+}
+
 /// Runs the stages that the command and the job name; the exit code is the worst of theirs.
 int run_stages(const Workspace& work, const Console& console, bool coloured) {
     const Job& job = work.job;
@@ -104,10 +114,7 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
     orbits::CycleSearch search;
     std::optional<SearchedSection> section;
     if (searching && !work.interruption.asked()) {
-        if (is_section_search(job)) {
-            const RunStop::AtOnce leaving(work.stop);
-            section = searched_section(job, data[job.orbits->data].series, work.asking());
-        }
+        if (is_section_search(job)) section = section_of(work, data[job.orbits->data].series);
         search = load_cycles(work, section);
         if (wants(work.options, Stage::orbits)) console.out << cycles_summary(search);
         if (search.cycles.empty()) code = no_valid_answer;
@@ -172,8 +179,11 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
                const InterruptionGuard* signals) {
     const AskedCaller caller(console.stopped);
     const Interruption& interruption = signals != nullptr ? static_cast<const Interruption&>(*signals) : caller;
+    progress.within("checksums of the data");
     sign_files(job);
+    progress.within("compiling the equations");
     const std::string evaluation = settle_evaluation(job);
+    progress.within({});
     if (!evaluation.empty()) progress.say(evaluation);
     const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
     const nlohmann::json document = nlohmann::json::parse(ordered.dump());
@@ -186,8 +196,8 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
         code = with_thread_limit(options.threads, console,
                                  [&] { return run_stages(work, console, is_coloured(color, console.out_terminal)); });
     } catch (const models::Stopped&) {
-        if (!stop.result().empty()) folder.store("result.json", stop.result());
         progress.end("interrupted");
+        if (const std::string result = stop.result(); !result.empty()) folder.store("result.json", result);
         store_times(folder, progress, options);
         return ended_by_signal;
     }
@@ -196,9 +206,14 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
     RunStop report_stop(interruption);
     std::optional<RunStop::AtOnce> leaving;  // after an earlier stop there is the usual patience
     if (!interruption.asked()) leaving.emplace(report_stop);
+    std::ostringstream complaints;
+    progress.within("report");
     try {
-        store_report(folder, console.error, [&report_stop] { return report_stop.now(); });
+        store_report(folder, complaints, [&report_stop] { return report_stop.now(); });
+        progress.within({});
+        console.error << complaints.str();
     } catch (const models::Stopped&) {
+        progress.within({});
         console.error << "report.html: left out, since the run was stopped; orbid report makes it\n";
         return ended_by_signal;
     }
@@ -216,7 +231,7 @@ int run_job(const Job& asked, const RunOptions& options, const Console& console,
         console.error << error.what() << '\n';
         return code;
     };
-    Progress progress(options.quiet, console.error, console.error_terminal);
+    Progress progress(options.quiet, console.error, console.error_terminal, options.progress_every);
     std::optional<InterruptionGuard> signals;
     if (console.signals) signals.emplace();
     try {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -176,18 +177,29 @@ std::string orbits_line(const ResultContext& context) {
     return out + '\n';
 }
 
-/// Whether the rms of a record that was fitted whole is another than that of its errors in the estimate.
+/// Whether the rms over the fitted segments together is another than that of the errors in the estimate.
 bool differs_from_errors(const std::vector<Prediction>& predictions,
                          const std::vector<estimator::EstimatedScale>& scales) {
-    const auto fitted = [](const Prediction& one) { return one.fitted; };
-    if (std::count_if(predictions.begin(), predictions.end(), fitted) != 1) return false;
-    const Prediction& only = *std::find_if(predictions.begin(), predictions.end(), fitted);
-    for (const auto& [coordinate, rms] : only.rms)
+    std::map<std::pair<std::string, std::string>, std::pair<double, double>> sums;  // squares and readings
+    for (const Prediction& one : predictions) {
+        for (std::size_t c = 0; one.fitted && c < one.rms.size(); ++c) {
+            const auto& [coordinate, rms] = one.rms[c];
+            if (!std::isfinite(rms)) continue;
+            auto& [squares, count] = sums[{one.experiment, coordinate}];
+            const double readings = c < one.readings.size() ? static_cast<double>(one.readings[c]) : 1.0;
+            squares += readings * rms * rms;
+            count += readings;
+        }
+    }
+    for (const auto& [which, sum] : sums) {
+        if (!(sum.second > 0.0)) continue;
+        const double rms = std::sqrt(sum.first / sum.second);
         for (const estimator::EstimatedScale& scale : scales)
-            if ((scale.group == "series." + coordinate ||
-                 scale.group == fmt::format("series.{}.{}", only.experiment, coordinate)) &&
-                std::abs(rms - scale.rms) > 1e-3 * scale.rms)
+            if ((scale.group == "series." + which.second ||
+                 scale.group == fmt::format("series.{}.{}", which.first, which.second)) &&
+                !(std::abs(rms - scale.rms) <= 1e-3 * scale.rms))
                 return true;
+    }
     return false;
 }
 
@@ -207,9 +219,8 @@ std::string prediction_table(const std::vector<Prediction>& predictions,
     std::string out = table.text();
     if (differs_from_errors(predictions, scales))
         out +=
-            "  fitted: over the whole record from one initial state, which is fitted to these readings alone; "
-            "\"Errors\" "
-            "has the\n  rms of the estimate itself, with its intervals and priors\n";
+            "  fitted: over each whole segment from one initial state, which is fitted to these readings alone; "
+            "\"Errors\"\n  has the rms of the estimate itself, with its intervals and priors\n";
     for (const auto& prediction : predictions) {
         if (prediction.fitted) continue;
         const std::string said = judgement(prediction.normalised_rms);
@@ -243,6 +254,18 @@ std::string estimate_summary(const estimator::Estimate& estimate, const ResultCo
     return out + posterior_summary(context.posterior);
 }
 
+namespace {
+
+/// ": " and the reason, where the search has noted one.
+std::string why_missing(const orbits::CycleSearch& search, int period) {
+    const std::string before = fmt::format("no cycle of period {} was found:", period);
+    for (const std::string& remark : search.remarks)
+        if (remark.starts_with(before)) return remark.substr(before.size() - 1);
+    return {};
+}
+
+}  // namespace
+
 std::string cycles_summary(const orbits::CycleSearch& search) {
     struct Row {
         std::size_t cycles = 0;
@@ -274,7 +297,7 @@ std::string cycles_summary(const orbits::CycleSearch& search) {
                    row.worst_sd > 0.0 ? significant(row.worst_sd, 2) : ""});
     std::string out = titled("Unstable periodic orbits in the series", table.text());
     for (const int period : search.missing)
-        out += fmt::format("  period {}: none found\n", period);
+        out += fmt::format("  period {}: none found{}\n", period, why_missing(search, period));
     return out;
 }
 

@@ -80,11 +80,13 @@ std::string orbits_table(const Json& list) {
 
 ReportChapter branch_chapter(const ReportSource& source) {
     ReportChapter chapter{"orbits", "Orbits of the model", ""};
-    if (!block_at(source.run.branch, "branches").empty()) {
-        const Json& file = *source.run.branch;
-        std::string html = figure_html(branch_chart(source.run),
-                                       "Periodic orbits as the parameter moves: stable ones solid, unstable ones "
-                                       "dashed, bifurcations marked.");
+    if (const Json* branch = source.run.shown_branch(); !block_at(branch, "branches").empty()) {
+        const Json& file = *branch;
+        std::string caption =
+            "Periodic orbits as the parameter moves: stable ones solid, unstable ones dashed, bifurcations marked.";
+        if (!block_at(file, "measured").empty())
+            caption += " Measured motions with their 95 % intervals: filled where the model's orbit is stable.";
+        std::string html = figure_html(branch_chart(source.run), caption);
         html += html_paragraph(text_at(file, "message"));
         html += bifurcations_table(file);
         html += cascades_table(block_at(file, "cascades"));

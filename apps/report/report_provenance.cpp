@@ -48,6 +48,7 @@ std::string origin_table(const StoredRun& run) {
     add("cycles.json", run.cycles);
     add("orbits.json", run.orbits);
     add("branch.json", run.branch);
+    add("estimate_branch.json", run.estimate_branch);
     add("result.json", run.result);
     return html_table("Made by", table);
 }

@@ -4,6 +4,7 @@
 
 #include "apps/report/html_text.hpp"
 #include "apps/report/plots/record_charts.hpp"
+#include "apps/report/plots/residual_structure.hpp"
 #include "apps/report/report_chapter.hpp"
 #include "apps/results/summary_table.hpp"
 
@@ -31,7 +32,12 @@ std::string prediction_table(const Json& predictions) {
                    entry.value("fitted", false) ? "fitted" : "predicted", rms_words(block_at(entry, "rms")),
                    number_cell(normalised, 3, normalised > 2.0 ? "caution" : "")});
     }
-    return html_table("How far predictions are off", table);
+    std::string html = html_table("How far predictions are off", table);
+    if (!html.empty())
+        html +=
+            "<p>Each over its whole segment from one initial state, which is fitted to that segment "
+            "alone. The table of errors has the rms of the estimate itself.</p>\n";
+    return html;
 }
 
 /// Of the folder of a prediction: prediction.json.
@@ -117,6 +123,11 @@ ReportChapter residual_chapter(const ReportSource& source) {
                                     thinned);
     chapter.html += figure_html(waveform_chart(source.run, source.residuals),
                                 "Measured steady states (dots) and computed ones (lines) over one turn of the orbit.");
+    const std::vector<ResidualRow> predicted = stored_predictions(source.run);
+    chapter.html +=
+        figure_html(segment_chart(record_groups(source.run, predicted, predicted.size())),
+                    "Segments that took no part in the fit: measured (dots), predicted from an initial state "
+                    "that was fitted to them, and what is left.");
     chapter.html += prediction_table(block_at(result, "prediction"));
     if (source.run.prediction) chapter.html += forecast_table(*source.run.prediction);
     std::string residuals = figure_html(residual_chart(groups),
@@ -126,6 +137,17 @@ ReportChapter residual_chapter(const ReportSource& source) {
                              "The same values in their order, against those of a normal distribution: on the line when "
                              "errors are normal, above it on the right and below on the left when their tails are "
                              "heavy.");
+    const auto all = record_groups(source.run, source.residuals, source.residuals.size());
+    residuals += figure_html(autocorrelation_chart(all),
+                             "How residuals follow each other. Of white noise 19 of 20 lags lie within the dashed "
+                             "lines; more say that the model, or the error model, leaves something out.");
+    residuals += figure_html(spectrum_chart(all),
+                             "At which frequencies: 1 everywhere for white noise. A peak at a resonance or at the "
+                             "frequency of the forcing points to the model, a rise at low ones to a drift.");
+    residuals += figure_html(dependence_chart(source.run, groups),
+                             "What is left against what drives the model and what it does: each measured input, each "
+                             "coordinate as predicted, its rate of change. A mean that leaves the line at 0 is a term "
+                             "that the equations lack: against a rate a friction, against a coordinate a spring.");
     residuals += diagnostics_table(block_at(result, "diagnostics"));
     chapter.html += html_headed(3, "Residuals", residuals);
     return chapter;

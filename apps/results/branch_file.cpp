@@ -1,5 +1,6 @@
 #include "apps/results/branch_file.hpp"
 
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -7,6 +8,7 @@
 
 #include "apps/documents/json_text.hpp"
 #include "apps/results/orbit_file.hpp"
+#include "apps/results/result_file.hpp"
 #include "periodic/branches/continuation.hpp"
 
 namespace orbid::apps {
@@ -23,9 +25,13 @@ Json place_json(const BranchPlace& place) {
     return Json::array({place.branch, place.point});
 }
 
+constexpr std::array amplitude_measures{periodic::OrbitMeasure::maximum, periodic::OrbitMeasure::minimum,
+                                        periodic::OrbitMeasure::mean, periodic::OrbitMeasure::half_range,
+                                        periodic::OrbitMeasure::rms};
+
 /// Orbits per second; per iteration of a map.
 double frequency(const BranchPoint& point) {
-    return 1.0 / point.orbit.time;
+    return measure_of(point, periodic::OrbitMeasure::frequency, 0);
 }
 
 Json point_json(const BranchPoint& point) {
@@ -45,16 +51,42 @@ Json point_json(const BranchPoint& point) {
 }
 
 /// The columns of branch.csv behind the coordinates; cells of what is not known are empty.
-std::string amplitude_cells(const BranchPoint& point, std::size_t coordinates) {
+std::string amplitude_cells(const BranchPoint& point, std::size_t quantities) {
     std::string text = fmt::format(",{}", frequency(point));
-    const periodic::OrbitAmplitude& of = point.amplitude;
-    for (std::size_t i = 0; i < coordinates; ++i)
-        for (const Eigen::VectorXd* values : {&of.maximum, &of.minimum, &of.mean, &of.half_range, &of.rms}) {
-            const auto index = static_cast<Eigen::Index>(i);
-            const bool known = index < values->size() && std::isfinite((*values)(index));
-            text += known ? fmt::format(",{}", (*values)(index)) : std::string(",");
+    for (std::size_t i = 0; i < quantities; ++i)
+        for (const periodic::OrbitMeasure measure : amplitude_measures) {
+            const double value = measure_of(point, measure, static_cast<Eigen::Index>(i));
+            text += std::isfinite(value) ? fmt::format(",{}", value) : std::string(",");
         }
     return text;
+}
+
+Json measured_json(const MeasuredMotion& motion) {
+    const Json values = json_list(motion.values, [](const MeasuredMotion::Value& one) -> Json {
+        return {{"name", one.name},
+                {"observed", one.observed},
+                {"predicted", one.predicted},
+                {"sd", one.sd},
+                {"unit", one.unit}};
+    });
+    return {{"label", motion.label},
+            {"parameter", motion.parameter},
+            {"used", motion.used},
+            {"unstable", json_or_null(motion.unstable)},
+            {"values", values}};
+}
+
+MeasuredMotion measured_of(const nlohmann::json& json) {
+    MeasuredMotion motion;
+    motion.label = json.at("label").get<std::string>();
+    motion.parameter = json.at("parameter").get<double>();
+    motion.used = json.at("used").get<bool>();
+    if (json.at("unstable").is_number()) motion.unstable = json["unstable"].get<int>();
+    for (const auto& one : json.at("values"))
+        motion.values.push_back({one.at("name").get<std::string>(), one.at("unit").get<std::string>(),
+                                 detail::number_of(one.at("observed")), detail::number_of(one.at("predicted")),
+                                 detail::number_of(one.at("sd"))});
+    return motion;
 }
 
 Json cascades_json(const std::vector<Branch>& branches) {
@@ -113,16 +145,23 @@ std::string branches_text(const CycleFileHead& head, const models::Parameter& pa
     out["parameter"] = {{"name", parameter.name}, {"unit", parameter.unit}, {"range", {lower, upper}}};
     out["message"] = json_or_null(followed.message);
     out["cascades"] = cascades_json(followed.branches);
+    if (!followed.readings.empty())
+        out["readings"] = json_list(followed.readings, [](const orbits::SeriesCoordinate& one) -> Json {
+            return {{"name", one.name}, {"unit", one.unit}};
+        });
     out["branches"] = json_list(followed.branches, [](const Branch& branch) -> Json {
         return {{"origin", branch.origin ? place_json({branch.origin->branch, branch.origin->point}) : Json(nullptr)},
                 {"ends", {periodic::name(branch.first), periodic::name(branch.last)}},
                 {"points", json_list(branch.points, point_json)}};
     });
+    for (std::size_t b = 0; b < followed.pieces.size(); ++b)
+        out["branches"][b]["piece"] = followed.pieces[b];
+    if (!followed.measured.empty()) out["measured"] = json_list(followed.measured, measured_json);
     return json_text(out);
 }
 
 std::string branches_csv(const CycleFileHead& head, const models::Parameter& parameter,
-                         const FollowedBranches& followed) {
+                         const FollowedBranches& followed, const FurtherColumns& further) {
     std::string text = fmt::format(
         "branch,point,{},arclength,period,time,unstable,bifurcation,multiplier_re,"
         "multiplier_im,section",
@@ -130,9 +169,13 @@ std::string branches_csv(const CycleFileHead& head, const models::Parameter& par
     for (const auto& coordinate : head.coordinates)
         text += "," + coordinate.name;
     text += ",frequency";
-    for (const auto& coordinate : head.coordinates)
-        for (const char* measure : {"max", "min", "mean", "half_range", "rms"})
-            text += fmt::format(",{}_{}", coordinate.name, measure);
+    auto quantities = head.coordinates;
+    quantities.insert(quantities.end(), followed.readings.begin(), followed.readings.end());
+    for (const auto& quantity : quantities)
+        for (const periodic::OrbitMeasure measure : amplitude_measures)
+            text += fmt::format(",{}_{}", quantity.name, periodic::name_of(measure));
+    if (!followed.pieces.empty()) text += ",piece";
+    text += further.header;
     text += '\n';
     for (std::size_t b = 0; b < followed.branches.size(); ++b) {
         const auto& points = followed.branches[b].points;
@@ -144,7 +187,9 @@ std::string branches_csv(const CycleFileHead& head, const models::Parameter& par
                                                                             orbit.multipliers[0].imag());
             const std::string_view bifurcation =
                 point.bifurcation == Bifurcation::none ? std::string_view() : periodic::name(point.bifurcation);
-            const std::string amplitude = amplitude_cells(point, head.coordinates.size());
+            std::string amplitude = amplitude_cells(point, quantities.size());
+            if (!followed.pieces.empty()) amplitude += "," + csv_cell(followed.pieces[b]);
+            if (!further.header.empty()) amplitude += further.cells[b][k];
             for (Eigen::Index j = 0; j < orbit.points.cols(); ++j) {
                 text += fmt::format("{},{},{},{},{},{},{},{},{},{}", b, k, point.parameter, point.arclength,
                                     orbit.period, orbit.time, point.unstable, bifurcation, multiplier, j);
@@ -164,8 +209,17 @@ std::optional<StoredBranches> stored_branches(std::string_view text) {
         StoredBranches stored;
         if (json.contains("fingerprint")) stored.fingerprint = json["fingerprint"].dump();
         if (json.at("message").is_string()) stored.followed.message = json["message"].get<std::string>();
-        for (const auto& branch : json.at("branches"))
+        for (const auto& branch : json.at("branches")) {
             stored.followed.branches.push_back(branch_of(branch));
+            if (branch.contains("piece")) stored.followed.pieces.push_back(branch["piece"].get<std::string>());
+        }
+        if (json.contains("readings"))
+            for (const auto& one : json["readings"])
+                stored.followed.readings.push_back(
+                    {one.at("name").get<std::string>(), one.at("unit").get<std::string>(), false});
+        if (json.contains("measured"))
+            for (const auto& motion : json["measured"])
+                stored.followed.measured.push_back(measured_of(motion));
         return stored;
     } catch (const std::bad_optional_access&) {
         return std::nullopt;  // a name of another version

@@ -28,6 +28,29 @@ bool begins_at_doubling(const std::vector<Branch>& branches, const Branch& branc
 
 }  // namespace
 
+double measure_of(const periodic::BranchPoint& point, periodic::OrbitMeasure measure, Eigen::Index index) {
+    using periodic::OrbitMeasure;
+    const periodic::OrbitAmplitude& of = point.amplitude;
+    const auto at = [index](const Eigen::VectorXd& values) {
+        return index < values.size() ? values[index] : std::numeric_limits<double>::quiet_NaN();
+    };
+    switch (measure) {
+        case OrbitMeasure::maximum:
+            return at(of.maximum);
+        case OrbitMeasure::minimum:
+            return at(of.minimum);
+        case OrbitMeasure::mean:
+            return at(of.mean);
+        case OrbitMeasure::half_range:
+            return at(of.half_range);
+        case OrbitMeasure::rms:
+            return at(of.rms);
+        case OrbitMeasure::frequency:
+            break;
+    }
+    return 1.0 / point.orbit.time;
+}
+
 std::vector<BranchPlace> located_bifurcations(const std::vector<Branch>& branches) {
     std::vector<BranchPlace> places;
     for (std::size_t b = 0; b < branches.size(); ++b) {

@@ -1,18 +1,45 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "orbits/records/series.hpp"
 #include "periodic/branches/branch.hpp"
+#include "periodic/waveforms/branch_residual.hpp"
 
 namespace orbid::apps {
 
-/// What the continuation of a job has led to.
+/// A motion that was measured over the parameter of branches, beside the model's.
+struct MeasuredMotion {
+    std::string label;  ///< "U = 14.9"
+    double parameter = 0.0;
+    bool used = true;             ///< false: the model has no orbit for it
+    std::optional<int> unstable;  ///< multipliers of the model's orbit outside the unit circle; nothing: there is none
+    struct Value {
+        std::string name;  ///< "h.half_range", "frequency"
+        std::string unit;
+        double observed = 0.0;
+        double predicted = 0.0;  ///< nan without an orbit
+        double sd = 0.0;         ///< of the error of what was measured; nan: not known
+    };
+    std::vector<Value> values;
+};
+
+/// What the continuation of a job, or the branch of an estimate, has led to.
 struct FollowedBranches {
     std::string message;  ///< why there is no branch; empty otherwise
     std::vector<periodic::Branch> branches;
+    /// Where each of them was followed from, where all of them are pieces of one; empty otherwise.
+    std::vector<std::string> pieces{};
+    /// Formulas whose amplitudes follow those of the coordinates in each point.
+    std::vector<orbits::SeriesCoordinate> readings{};
+    std::vector<MeasuredMotion> measured{};
 };
+
+/// A measure of a point, of coordinate or reading `index`; nan where it is not known.
+[[nodiscard]] double measure_of(const periodic::BranchPoint& point, periodic::OrbitMeasure measure, Eigen::Index index);
 
 /// A place in a list of branches.
 struct BranchPlace {

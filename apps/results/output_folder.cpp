@@ -15,16 +15,16 @@ namespace orbid::apps {
 namespace {
 
 /// The result files of the contract; job.json is looked at separately.
-constexpr std::array<std::string_view, 17> result_names{
-    "estimate_orbits.json", "model_section.svg", "series.h5",    "series.csv",  "cycles.json",    "invariants.json",
-    "orbits.json",          "branch.json",       "branch.csv",   "branch.svg",  "result.json",    "section.svg",
-    "residuals.csv",        "timing.json",       "waveform.svg", "report.html", "prediction.json"};
+constexpr std::array<std::string_view, 18> result_names{
+    "estimate_orbits.json", "model_section.svg", "series.h5",    "series.csv",  "cycles.json",     "invariants.json",
+    "orbits.json",          "branch.json",       "branch.csv",   "branch.svg",  "result.json",     "section.svg",
+    "residuals.csv",        "timing.json",       "waveform.svg", "report.html", "prediction.json", "predictions.csv"};
 
 /// Those that no stage takes up again.
-constexpr std::array<std::string_view, 14> unsigned_names{
-    "estimate_orbits.json", "model_section.svg", "invariants.json", "branch.csv",     "branch.svg",
-    "result.json",          "residuals.csv",     "section.svg",     "timing.json",    "log.txt",
-    "waveform.svg",         "report.html",       "checkpoint.bin",  "prediction.json"};
+constexpr std::array<std::string_view, 15> unsigned_names{
+    "estimate_orbits.json", "model_section.svg", "invariants.json", "branch.csv",      "branch.svg",
+    "result.json",          "residuals.csv",     "section.svg",     "timing.json",     "log.txt",
+    "waveform.svg",         "report.html",       "checkpoint.bin",  "prediction.json", "predictions.csv"};
 
 std::string shortened(const std::string& text) {
     constexpr std::size_t longest = 100;  // a value can be a whole part of the job

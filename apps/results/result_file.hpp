@@ -46,6 +46,7 @@ struct Prediction {
     std::vector<std::pair<std::string, double>> rms;  ///< per coordinate, in its unit
     double normalised_rms = 0.0;                      ///< rms over the error sd; nan when there is none
     bool fitted = false;
+    std::vector<std::size_t> readings{};  ///< per coordinate of `rms`
 };
 
 /// A simulated trajectory that ceased to be chaotic.

@@ -29,18 +29,6 @@ std::optional<FollowedBranches> branches_from_folder(const Workspace& work, cons
     return std::move(stored->followed);
 }
 
-/// Points as lists hold them: where no section says which points are meant, the first one stands for the orbit.
-/// Jacobians are not stored.
-void thin_out(const Job& job, std::vector<periodic::Branch>& branches) {
-    const bool free_mesh = job.model.is(models::Kind::autonomous) && !job.section_plane;
-    for (periodic::Branch& branch : branches) {
-        for (periodic::BranchPoint& point : branch.points) {
-            point.orbit.jacobians.clear();
-            if (free_mesh && point.orbit.points.cols() > 1) point.orbit.points = point.orbit.points.leftCols(1).eval();
-        }
-    }
-}
-
 FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbits) {
     const Job& job = work.job;
     const ContinuationJob& continuation = *job.periodic->continuation;
@@ -62,6 +50,11 @@ FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbi
         options.solver = *shooting;
     options.solver.maximum_distance = std::numeric_limits<double>::infinity();
     options.interrupted = [&work] { return work.interruption.asked(); };
+    double count = 0.0;
+    const std::string parameter(job.model.parameter(options.parameter).name);
+    options.progress = [&work, &count, &parameter](std::size_t points, double value) {
+        work.progress.at(++count, fmt::format("point {} at {} = {:.6g}", points, parameter, value));
+    };
     auto diagram =
         periodic::follow_branches(work.system(), job.model.values, starting_solution(job, start.orbit), options);
     if (diagram.branches.empty())
@@ -74,6 +67,16 @@ FollowedBranches followed_from(const Workspace& work, const ComputedOrbits& orbi
 
 }  // namespace
 
+void thin_out(const Job& job, std::vector<periodic::Branch>& branches) {
+    const bool free_mesh = job.model.is(models::Kind::autonomous) && !job.section_plane;
+    for (periodic::Branch& branch : branches) {
+        for (periodic::BranchPoint& point : branch.points) {
+            point.orbit.jacobians.clear();
+            if (free_mesh && point.orbit.points.cols() > 1) point.orbit.points = point.orbit.points.leftCols(1).eval();
+        }
+    }
+}
+
 FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits& orbits) {
     const Job& job = work.job;
     const ContinuationJob& continuation = *job.periodic->continuation;
@@ -82,7 +85,7 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
         work.progress.reused("branches", fmt::format("{} branches from branch.json", stored->branches.size()));
         return std::move(*stored);
     }
-    work.progress.begin("branches");
+    work.progress.begin("branches", 0.0, "steps");
     FollowedBranches followed = followed_from(work, orbits);
     std::size_t points = 0;
     for (const periodic::Branch& branch : followed.branches)
@@ -102,6 +105,7 @@ FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits
     picture.parameter = {std::string(parameter.name), std::string(parameter.unit), false};
     picture.shown = continuation.plotted;
     if (picture.shown) picture.coordinate = head.coordinates.at(static_cast<std::size_t>(*picture.shown));
+    if (continuation.measure) show_measure(*continuation.measure, picture);
     picture.title = job.title.empty() ? "Branches of periodic orbits" : job.title;
     work.folder.store("branch.svg",
                       chart_svg(branch_chart(followed.branches, picture), picture.title, run_picture_style));

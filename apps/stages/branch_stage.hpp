@@ -11,4 +11,8 @@ namespace orbid::apps {
 /// there is no plot.
 [[nodiscard]] FollowedBranches follow_job_branches(const Workspace& work, const ComputedOrbits& orbits);
 
+/// Points as lists hold them: where no section says which points are meant, the first one stands for the orbit.
+/// Jacobians are not stored.
+void thin_out(const Job& job, std::vector<periodic::Branch>& branches);
+
 }  // namespace orbid::apps

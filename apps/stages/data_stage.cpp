@@ -167,7 +167,10 @@ Experiment simulated(const Workspace& work, std::size_t index) {
         const RunStop::AtOnce leaving(work.stop);
         auto options = simulation_options(job, index);
         options.interrupted = work.asking();
-        return orbits::simulate(*system_with(job, inputs), data.with_own(job.model.values), options);
+        const Eigen::VectorXd values = data.with_own(job.model.values);
+        const auto delay = data.inputs ? data.inputs->delay_parameter : std::nullopt;
+        const auto system = system_with(job, delay ? load_inputs(job, data, values[*delay]) : inputs);
+        return orbits::simulate(*system, values, options);
     };
     auto run = run_experiment();
     if (!run.complete) throw orbits::DataError(fmt::format("{}: cannot be simulated: {}", data.name, run.message));

@@ -38,8 +38,8 @@ orbits::TableLayout input_layout(const Job& job, const DataJob& data) {
 }
 
 std::shared_ptr<const models::InputSignal> signal(const orbits::Segment& segment, const std::filesystem::path& file,
-                                                  const InputJob& input) {
-    const Eigen::VectorXd times = segment.times.array() + input.delay;
+                                                  const InputJob& input, double delay) {
+    const Eigen::VectorXd times = segment.times.array() + delay;
     const auto points = static_cast<std::size_t>(segment.times.size());
     const auto count = static_cast<std::size_t>(segment.values.rows());
     try {
@@ -53,7 +53,7 @@ std::shared_ptr<const models::InputSignal> signal(const orbits::Segment& segment
 
 }  // namespace
 
-LabelledInputs load_inputs(const Job& job, const DataJob& data) {
+LabelledInputs load_inputs(const Job& job, const DataJob& data, std::optional<double> delay) {
     if (!data.inputs) return {};
     const orbits::TableLayout layout = input_layout(job, data);
     const std::vector<std::filesystem::path> own{data.inputs->file.value_or("")};
@@ -61,7 +61,7 @@ LabelledInputs load_inputs(const Job& job, const DataJob& data) {
     for (const std::filesystem::path& file : data.inputs->file ? own : data.file->paths) {
         for (const orbits::Segment& segment : orbits::read_csv(file, layout).segments) {
             const std::string label = data.inputs->file ? segment.label : data.file->segment_name(file, segment.label);
-            inputs.emplace_back(label, signal(segment, file, *data.inputs));
+            inputs.emplace_back(label, signal(segment, file, *data.inputs, delay.value_or(data.inputs->delay)));
         }
     }
     return inputs;

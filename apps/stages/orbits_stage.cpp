@@ -102,6 +102,9 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         const RunStop::AtOnce leaving(work.stop);
         orbits::CycleSearchOptions options = section->options;
         options.interrupted = work.asking();
+        options.progress = [&work](const std::string& part, std::size_t done, std::size_t total) {
+            work.progress.at(static_cast<double>(done), fmt::format("part {} of {}: {}", done + 1, total, part));
+        };
         search = orbits::find_cycles(section->series(), options);
     } catch (const orbits::DataError& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).

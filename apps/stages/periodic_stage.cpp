@@ -118,7 +118,10 @@ void add_found(const Workspace& work, ComputedOrbits& orbits) {
         options.solver.maximum_distance = periodic::ShootingOptions{}.maximum_distance;
     }
     options.interrupted = [&work] { return work.interruption.asked(); };
-    work.progress.begin("search");
+    options.progress = [&work](std::size_t starts, std::size_t found) {
+        work.progress.at(static_cast<double>(starts), fmt::format("{} orbits from {} starts", found, starts));
+    };
+    work.progress.begin("search", 0.0, "starts");
     const periodic::OrbitSearch search = periodic::search_orbits(work.system(), job.model.values, options);
     work.progress.end(fmt::format("{} orbits from {} starts", search.orbits.size(), search.starts));
     orbits.searched = true;

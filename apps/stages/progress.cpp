@@ -16,6 +16,7 @@ namespace {
 
 constexpr int bar_width = 20;  // leaves room for rate, remaining time and a word in 80 columns
 constexpr auto shortest_redraw = std::chrono::milliseconds(100);  // smooth to the eye, no cost
+constexpr auto first_line = std::chrono::milliseconds(2000);      // what is done by then tells its end only
 
 /// 1234567 -> "1.23 M": three digits and a prefix are all one can read while it changes.
 std::string short_number(double value) {
@@ -39,14 +40,20 @@ std::string duration_text(double seconds) {
     return fmt::format("{} h {:02} min", whole / 3600, whole % 3600 / 60);
 }
 
-Progress::Progress(bool quiet, std::ostream& stream, std::FILE* terminal)
-    : Progress(quiet, stream, terminal != nullptr && ::isatty(::fileno(terminal)) == 1) {}
+Progress::Progress(bool quiet, std::ostream& stream, std::FILE* terminal, std::chrono::milliseconds every)
+    : Progress(quiet, stream, terminal != nullptr && ::isatty(::fileno(terminal)) == 1, every) {}
 
-Progress::Progress(bool quiet, std::ostream& stream, bool terminal)
-    : quiet_(quiet), stream_(stream), terminal_(terminal) {}
+Progress::Progress(bool quiet, std::ostream& stream, bool terminal, std::chrono::milliseconds every)
+    : quiet_(quiet), stream_(stream), terminal_(terminal), every_(every) {}
 
 Progress::~Progress() {
-    if (running_) finish("stopped");
+    {
+        const std::lock_guard lock(mutex_);
+        if (running_) finish(minor_ ? "" : "stopped");
+        over_ = true;
+    }
+    changed_.notify_all();
+    if (watching_.joinable()) watching_.join();
 }
 
 double Progress::seconds_since(Clock::time_point then) const {
@@ -62,6 +69,7 @@ void Progress::print(std::string_view line) {
         clear_bar();
         stream_ << line << '\n';
         stream_.flush();
+        last_line_ = Clock::now();
     }
 }
 
@@ -72,25 +80,35 @@ void Progress::clear_bar() {
     }
 }
 
-void Progress::draw() {
-    const auto now = Clock::now();
-    if (quiet_ || !terminal_ || !running_ || now - last_drawn_ < shortest_redraw) return;
-    last_drawn_ = now;
-    const double elapsed = seconds_since(stage_start_);
-    std::string line = fmt::format("{:<9}", stage_);
+/// Fraction, rate, what is known of the state, and the time that is left.
+std::string Progress::state(double elapsed) const {
+    std::string text;
     if (total_ > 0.0) {
         const double fraction = std::clamp(done_ / total_, 0.0, 1.0);
         const int filled = static_cast<int>(std::lround(fraction * bar_width));
-        line += fmt::format(" [{}{}] {:3.0f} %", std::string(static_cast<std::size_t>(filled), '#'),
+        text += fmt::format(" [{}{}] {:3.0f} %", std::string(static_cast<std::size_t>(filled), '#'),
                             std::string(static_cast<std::size_t>(bar_width - filled), '.'), 100.0 * fraction);
-    }
-    if (done_ > 0.0 && elapsed > 0.0) {
-        line += fmt::format("  {}{}{}/s", short_number(done_ / elapsed), unit_.empty() ? "" : " ", unit_);
-        if (total_ > 0.0) line += fmt::format("  {} left", duration_text((total_ - done_) * elapsed / done_));
     } else {
-        line += fmt::format("  {}", duration_text(elapsed));
+        text += fmt::format(" {:>11}", duration_text(elapsed));
     }
-    if (!note_.empty()) line += "  " + note_;
+    if (done_ > 0.0 && elapsed > 0.0 && !unit_.empty())
+        text += fmt::format("  {} {}/s", short_number(done_ / elapsed), unit_);
+    double left = remaining_s_ - seconds_since(noted_);
+    if (total_ > 0.0 && done_ > 0.0) left = (total_ - done_) * elapsed / done_;
+    // What was foreseen and is over says nothing any more.
+    const std::string remaining = left >= 0.0 ? duration_text(left) + " left" : "time left unknown";
+    if (total_ > 0.0) text += "  " + remaining;
+    if (!note_.empty()) text += "  " + note_;
+    if (!(total_ > 0.0)) text += (note_.empty() ? "  " : "; ") + remaining;
+    return text;
+}
+
+void Progress::draw() {
+    const auto now = Clock::now();
+    if (quiet_ || !terminal_ || !running_ || now - last_drawn_ < shortest_redraw) return;
+    if (minor_ && now - stage_start_ < first_line) return;
+    last_drawn_ = now;
+    std::string line = fmt::format("{:<9}{}", stage_, state(seconds_since(stage_start_)));
     // A longer line would wrap on an 80-column terminal and leave its upper half behind.
     constexpr std::size_t columns = 79;
     line.resize(std::min(line.size(), columns));
@@ -99,18 +117,69 @@ void Progress::draw() {
     bar_shown_ = true;
 }
 
-void Progress::begin(std::string_view stage, double total, std::string_view unit) {
-    const std::lock_guard lock(mutex_);
-    if (running_) finish("");
+/// Until the end: keeps the bar alive, or writes a line when there was none for long.
+void Progress::watch() {
+    const auto first = std::min<std::chrono::milliseconds>(first_line, every_);
+    const auto pause = terminal_ ? std::chrono::milliseconds(500) : std::max(first / 4, shortest_redraw);
+    std::unique_lock lock(mutex_);
+    while (!over_) {
+        changed_.wait_for(lock, pause);
+        if (over_ || !running_) continue;
+        if (terminal_) {
+            draw();
+            continue;
+        }
+        // Half a pause early is nearer to the time than half a pause late.
+        const auto now = Clock::now() + pause / 2;
+        const bool told = last_line_ > stage_start_;
+        if (now - (told ? last_line_ : stage_start_) < (told ? every_ : first)) continue;
+        const std::string line = fmt::format("{:<9}{}", stage_, state(seconds_since(stage_start_)));
+        keep(line);
+        print(line);
+    }
+}
+
+void Progress::start(std::string_view stage, double total, std::string_view unit) {
     running_ = true;
     stage_ = stage;
     unit_ = unit;
     note_.clear();
     total_ = total > 0.0 ? total : 0.0;
     done_ = 0.0;
-    stage_start_ = Clock::now();
+    remaining_s_ = std::numeric_limits<double>::quiet_NaN();
+    noted_ = stage_start_ = Clock::now();
     last_drawn_ = {};
+    if (!quiet_ && !watching_.joinable()) watching_ = std::thread([this] { watch(); });
+}
+
+void Progress::begin(std::string_view stage, double total, std::string_view unit) {
+    const std::lock_guard lock(mutex_);
+    if (running_) finish("");
+    minor_ = false;
+    start(stage, total, unit);
     keep(fmt::format("{}: started", stage));
+    draw();
+}
+
+void Progress::within(std::string_view work) {
+    const std::lock_guard lock(mutex_);
+    if (running_ && !minor_) {
+        note_ = work;
+        remaining_s_ = std::numeric_limits<double>::quiet_NaN();
+        draw();
+        return;
+    }
+    if (running_) finish("");
+    if (work.empty()) return;
+    minor_ = true;
+    start(work, 0.0, "");
+}
+
+void Progress::note(std::string_view words, double remaining_s) {
+    const std::lock_guard lock(mutex_);
+    note_ = words;
+    remaining_s_ = remaining_s;
+    noted_ = Clock::now();
     draw();
 }
 
@@ -137,6 +206,7 @@ void Progress::end(std::string_view outcome) {
 void Progress::finish(std::string_view outcome) {
     running_ = false;
     const double elapsed = seconds_since(stage_start_);
+    if (minor_ && elapsed < std::chrono::duration<double>(first_line).count()) return clear_bar();
     times_.push_back({stage_, elapsed, false});
     std::string line = fmt::format("{:<9} {:>11}", stage_, duration_text(elapsed));
     if (done_ > 0.0 && !unit_.empty() && elapsed > 0.0)

@@ -1,11 +1,14 @@
 #pragma once
 
 #include <chrono>
+#include <condition_variable>
 #include <cstdio>
 #include <iosfwd>
+#include <limits>
 #include <mutex>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -20,8 +23,10 @@ struct StageTime {
 
 /// Progress of a run on standard error, its log and its times. Thread-safe.
 ///
-/// On a terminal: a bar with fraction, rate and remaining time, redrawn at most ten times a second, replaced by one
-/// line when the stage is done. Elsewhere: that one line only. Quiet: nothing, but the log and the times are kept.
+/// On a terminal: a line with fraction, rate, state and remaining time that is rewritten, replaced by one line when the
+/// stage is done. Elsewhere: that line, and while a stage runs one about its state, after two seconds and then every
+/// ten. A thread of its own writes them: no computation, however long, is silent. Quiet: nothing, but the log and the
+/// times are kept.
 ///
 ///     Progress progress(options.quiet);
 ///     progress.begin("orbits", candidates, "candidates");
@@ -31,11 +36,15 @@ struct StageTime {
 /// One stage at a time: begin() while a stage runs ends that stage first.
 class Progress {
 public:
+    /// Between two lines about a stage where there is no terminal.
+    static constexpr std::chrono::milliseconds usual_silence{10000};
+
     /// A bar is drawn when the stream's file is a terminal.
-    /// @param stream  where to write; not owned.
-    Progress(bool quiet, std::ostream& stream, std::FILE* terminal);
+    /// @param stream  where to write; not owned. While a stage runs nobody else writes there.
+    /// @param every   longest time between two lines of a stage where there is no terminal, > 0
+    Progress(bool quiet, std::ostream& stream, std::FILE* terminal, std::chrono::milliseconds every = usual_silence);
     /// @param terminal  draw a bar, whatever the stream is.
-    Progress(bool quiet, std::ostream& stream, bool terminal);
+    Progress(bool quiet, std::ostream& stream, bool terminal, std::chrono::milliseconds every = usual_silence);
     /// Ends a running stage, as "stopped".
     ~Progress();
     Progress(const Progress&) = delete;
@@ -47,6 +56,12 @@ public:
     void advance(double amount);
     /// `done` units are done in all; smaller values than before are ignored. May name the state in a few words.
     void at(double done, std::string_view note = "");
+    /// The state of the stage in a few words, and the seconds that it will still take (nan: unknown); what is done
+    /// stays.
+    void note(std::string_view words, double remaining_s = std::numeric_limits<double>::quiet_NaN());
+    /// Work within a stage, or between two: then it is told like a stage, but only if it takes two seconds. Empty: it
+    /// has ended.
+    void within(std::string_view work);
     /// Ends the stage; its line shows `outcome`.
     void end(std::string_view outcome = "");
     /// A stage whose file fits and is taken from the folder.
@@ -63,7 +78,10 @@ public:
 private:
     using Clock = std::chrono::steady_clock;
 
+    void start(std::string_view stage, double total, std::string_view unit);
     void finish(std::string_view outcome);
+    void watch();
+    [[nodiscard]] std::string state(double elapsed) const;
     void keep(std::string_view line);
     void print(std::string_view line);
     void draw();
@@ -77,16 +95,25 @@ private:
     Clock::time_point start_ = Clock::now();
     std::vector<StageTime> times_;
     std::string log_;
+    std::chrono::milliseconds every_;
 
     bool running_ = false;
+    bool minor_ = false;  ///< work between two stages
     bool bar_shown_ = false;
     std::string stage_;
     std::string unit_;
     std::string note_;
     double total_ = 0.0;
     double done_ = 0.0;
+    double remaining_s_ = std::numeric_limits<double>::quiet_NaN();  ///< as it was told at noted_
+    Clock::time_point noted_;
     Clock::time_point stage_start_;
     Clock::time_point last_drawn_;
+    Clock::time_point last_line_;
+
+    bool over_ = false;
+    std::condition_variable changed_;
+    std::thread watching_;
 };
 
 /// Content of timing.json: seconds per stage, whether it was reused, the sum, threads and versions.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 
 namespace orbid::apps {
@@ -14,6 +15,7 @@ struct RunOptions {
     bool quiet = false;         ///< no progress
     bool force = false;         ///< overwrite a folder that holds the result of another job
     Stage stage = Stage::all;
+    std::chrono::milliseconds progress_every{10000};  ///< longest time between lines where there is no terminal
 };
 
 }  // namespace orbid::apps

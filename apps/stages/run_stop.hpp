@@ -2,7 +2,9 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <string>
+#include <utility>
 
 #include "apps/stages/interruption.hpp"
 
@@ -22,9 +24,12 @@ public:
     /// The computation that asks is to throw models::Stopped.
     [[nodiscard]] bool now() const;
 
-    /// The content of result.json if the run is left from now on; empty: none.
-    void shows(std::string result) { result_ = std::move(result); }
-    [[nodiscard]] const std::string& result() const { return result_; }
+    /// The content of result.json if the run is left from now on, made when it is left; empty: none.
+    void shows(std::function<std::string()> result) { result_ = std::move(result); }
+    void shows(std::string result) {
+        result_ = [result = std::move(result)] { return result; };
+    }
+    [[nodiscard]] std::string result() const { return result_ ? result_() : std::string(); }
 
     /// While it exists, computations are left at once.
     class AtOnce {
@@ -42,7 +47,7 @@ private:
     const Interruption& interruption_;
     std::atomic<int> at_once_{0};
     mutable std::atomic<std::int64_t> noticed_{0};  ///< [ns] of the steady clock; 0: not yet
-    std::string result_;
+    std::function<std::string()> result_;
 };
 
 }  // namespace orbid::apps

@@ -211,7 +211,8 @@ void judge_segment(const KnownSegment& known, SegmentForecast& out, std::vector<
     set_horizon(known, ahead, out);
 }
 
-void forecast_samples(const PredictionJob& job, const Experiment& record, Forecast& out) {
+void forecast_samples(const PredictionJob& job, const Experiment& record,
+                      const std::function<void(std::size_t done)>& progress, Forecast& out) {
     const auto problem = identification_problem(job.derived, {&record, 1});
     const auto setup = estimate_setup(problem, fitted_labels(problem));
     const auto residual = single_shooting(problem, 0, setup);
@@ -220,8 +221,11 @@ void forecast_samples(const PredictionJob& job, const Experiment& record, Foreca
     const std::size_t blocks = residual->layout().size();
 
     std::vector<SegmentBeginning> beginnings;
-    for (std::size_t b = 0; b < blocks; ++b)
+    for (std::size_t b = 0; b < blocks; ++b) {
+        // What follows takes one evaluation more.
+        if (progress) progress(b);
         beginnings.push_back(fitted_beginning(job, record, residual->segment(b)));
+    }
     if (!job.known_errors) {
         // What the fits left over, coordinate by coordinate.
         Eigen::VectorXd squares = Eigen::VectorXd::Zero(scales.value.size());
@@ -268,12 +272,13 @@ void forecast_samples(const PredictionJob& job, const Experiment& record, Foreca
 
 }  // namespace
 
-Forecast forecast(const PredictionJob& job, const Experiment& record) {
+Forecast forecast(const PredictionJob& job, const Experiment& record,
+                  const std::function<void(std::size_t done)>& progress) {
     Forecast out;
     out.samples = record.series.sampling == orbits::Series::Sampling::samples;
     out.known_errors = job.known_errors;
     if (out.samples) {
-        forecast_samples(job, record, out);
+        forecast_samples(job, record, progress, out);
     } else {
         detail::forecast_sections(job, record, out);
     }

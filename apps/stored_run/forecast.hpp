@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <string>
 #include <vector>
@@ -71,8 +72,10 @@ struct Forecast {
 ///
 /// Sections are predicted one step ahead from every reading: the measured state, with its errors amplified by the step,
 /// sqrt(sd_i^2 + sum_j (X_ij sd_j)^2).
+/// @param progress  called with the number of segments done; may be empty.
 /// @throws orbits::DataError when the record does not suit the model.
-[[nodiscard]] Forecast forecast(const PredictionJob& job, const Experiment& record);
+[[nodiscard]] Forecast forecast(const PredictionJob& job, const Experiment& record,
+                                const std::function<void(std::size_t done)>& progress = {});
 
 namespace detail {
 

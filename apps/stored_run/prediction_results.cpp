@@ -48,9 +48,11 @@ Json segment_json(const SegmentForecast& one) {
 
 std::string rms_words(const std::vector<CoordinateForecast>& list) {
     std::string words;
+    // Coordinates without a reading have no rms.
     for (const CoordinateForecast& one : list)
-        words += fmt::format("{}{} {}{}", words.empty() ? "" : ", ", one.name, significant(one.rms, 4),
-                             one.unit.empty() || one.unit == "1" ? "" : " " + one.unit);
+        if (std::isfinite(one.rms))
+            words += fmt::format("{}{} {}{}", words.empty() ? "" : ", ", one.name, significant(one.rms, 4),
+                                 one.unit.empty() || one.unit == "1" ? "" : " " + one.unit);
     return words;
 }
 
@@ -78,13 +80,13 @@ std::string horizon_words(const SegmentForecast& one) {
 
 std::string samples_tables(const Forecast& forecast) {
     SummaryTable course({left_aligned("segment"), "readings", left_aligned("rms of errors"), "rms / error sd"});
-    SummaryTable ahead({left_aligned("segment"), "fitted to", "of", "rms / error sd", left_aligned("within 2 sds for"),
-                        left_aligned("in the 95 % band")});
+    SummaryTable ahead({left_aligned("segment"), "fitted to", "of", left_aligned("rms of errors"), "rms / error sd",
+                        left_aligned("within 2 sds for"), left_aligned("in the 95 % band")});
     std::string failures;
     for (const SegmentForecast& one : forecast.segments) {
-        if (std::isfinite(one.course_normalised))
-            course.add({one.segment, std::to_string(one.readings), rms_words(one.course),
-                        significant(one.course_normalised, 3)});
+        // Without a known sd of the readings there still is an rms.
+        if (const std::string rms = rms_words(one.course); !rms.empty())
+            course.add({one.segment, std::to_string(one.readings), rms, significant(one.course_normalised, 3)});
         if (!one.message.empty()) {
             failures += fmt::format("  segment {}: {}\n", one.segment, one.message);
             continue;
@@ -92,7 +94,7 @@ std::string samples_tables(const Forecast& forecast) {
         const std::string coverage = std::isfinite(one.coverage)
                                          ? fmt::format("{:.1f} % of {} readings", 100.0 * one.coverage, one.covered)
                                          : std::string();
-        ahead.add({one.segment, significant(one.beginning, 3), significant(one.duration, 3),
+        ahead.add({one.segment, significant(one.beginning, 3), significant(one.duration, 3), rms_words(one.ahead),
                    significant(one.ahead_normalised, 3), horizon_words(one), coverage});
     }
     return titled("Course: the initial state fitted to the whole segment", course.text()) +

@@ -85,6 +85,11 @@ const Json* StoredRun::orbits_of_estimate() const {
     return orbits ? &*orbits : nullptr;
 }
 
+const Json* StoredRun::shown_branch() const {
+    if (estimate_branch) return &*estimate_branch;
+    return branch ? &*branch : nullptr;
+}
+
 StoredRun read_stored_run(const std::filesystem::path& folder) {
     if (!std::filesystem::exists(folder)) throw StoredRunRefused(fmt::format("{}: no such folder", folder.string()));
     if (!std::filesystem::is_directory(folder))
@@ -103,15 +108,17 @@ StoredRun read_stored_run(const std::filesystem::path& folder) {
     run.orbits = read_file(folder / "orbits.json", "orbid-cycles/1");
     run.estimate_orbits = read_file(folder / "estimate_orbits.json", "orbid-cycles/1");
     run.branch = read_file(folder / "branch.json", "orbid-branches/1");
+    run.estimate_branch = read_file(folder / "estimate_branch.json", "orbid-branches/1");
     run.invariants = read_file(folder / "invariants.json", "orbid-invariants/1");
     run.timing = read_file(folder / "timing.json", "");
     run.prediction = read_file(folder / "prediction.json", "orbid-prediction/1");
     return run;
 }
 
-std::vector<ResidualRow> stored_residuals(const StoredRun& run) {
+namespace {
+
+std::vector<ResidualRow> stored_rows(const std::filesystem::path& file) {
     std::vector<ResidualRow> rows;
-    const auto file = run.folder / "residuals.csv";
     if (!std::filesystem::exists(file)) return rows;
     orbits::TextTable table(file);
     const std::size_t experiment = table.column("experiment");
@@ -127,6 +134,16 @@ std::vector<ResidualRow> stored_residuals(const StoredRun& run) {
                         number_or_nan(table, cells[at], at), number_or_nan(table, cells[observed], observed),
                         number_or_nan(table, cells[predicted], predicted), number_or_nan(table, cells[sd], sd)});
     return rows;
+}
+
+}  // namespace
+
+std::vector<ResidualRow> stored_residuals(const StoredRun& run) {
+    return stored_rows(run.folder / "residuals.csv");
+}
+
+std::vector<ResidualRow> stored_predictions(const StoredRun& run) {
+    return stored_rows(run.folder / "predictions.csv");
 }
 
 std::optional<StoredDraws> stored_draws(const StoredRun& run) {

@@ -34,6 +34,7 @@ struct StoredRun {
     std::optional<Json> orbits;           ///< orbits.json, orbid-cycles/1: computed
     std::optional<Json> estimate_orbits;  ///< estimate_orbits.json, as orbits.json: of a job with a "periodic" block
     std::optional<Json> branch;           ///< branch.json, orbid-branches/1
+    std::optional<Json> estimate_branch;  ///< estimate_branch.json, likewise: of a job with a "continuation" as well
     std::optional<Json> invariants;       ///< invariants.json
     std::optional<Json> timing;           ///< timing.json
     std::optional<Json> prediction;       ///< prediction.json, orbid-prediction/1: of `orbid predict`
@@ -45,6 +46,8 @@ struct StoredRun {
     [[nodiscard]] std::vector<const Json*> experiments() const;
     /// The orbits that belong to the estimate: estimate_orbits.json, or else orbits.json.
     [[nodiscard]] const Json* orbits_of_estimate() const;
+    /// The branch that belongs to the estimate: estimate_branch.json, or else branch.json.
+    [[nodiscard]] const Json* shown_branch() const;
 };
 
 /// Reads job.json and those of the other files that the folder has.
@@ -55,6 +58,9 @@ struct StoredRun {
 /// residuals.csv; empty when the folder has none. Empty cells are nan.
 /// @throws orbits::DataError naming file, line and column of what cannot be read.
 [[nodiscard]] std::vector<ResidualRow> stored_residuals(const StoredRun& run);
+
+/// predictions.csv: the readings of segments that were only predicted. As stored_residuals.
+[[nodiscard]] std::vector<ResidualRow> stored_predictions(const StoredRun& run);
 
 /// Draws from the posterior: names of the columns of posterior.csv, and the values.
 struct StoredDraws {

@@ -210,7 +210,13 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
                   const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
     if (any_tied(parameters)) {
         const TiedProblem tied = resolve_ties(parameters, residuals, options.joint_priors);
-        Estimate result = estimate(tied.parameters, tied.residuals, tied.derived(derived), options);
+        EstimateOptions reduced = options;
+        if (options.watched)
+            reduced.watched = [&](StepReport report) {
+                report.theta = tied.map.expand(report.theta);
+                options.watched(report);
+            };
+        Estimate result = estimate(tied.parameters, tied.residuals, tied.derived(derived), reduced);
         tied.expand(result);
         return result;
     }
@@ -237,6 +243,11 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
         report_failure(problem, state, result);
         return result;
     }
+    tell_step({.phase = StepReport::Phase::uncertainty,
+               .iteration = result.iterations,
+               .round = result.rounds,
+               .objective = rounds.ledger.history.empty() ? nan_value : rounds.ledger.history.back().after},
+              problem, state.theta);
     const Posterior posterior(problem, rounds.set, state, rounds.minimum);
     report(problem, rounds.set, state, rounds.minimum, posterior, derived, result);
     result.log_integral = posterior.log_integral();

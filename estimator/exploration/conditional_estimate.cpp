@@ -260,6 +260,7 @@ ConditionalEstimate Conditional::run(const Unknown* unknown, double u, const Con
     options.verdict = false;
     options.maximum_rounds = 1;  // sets stay those of the estimate
     options.progress = nullptr;
+    options.watched = nullptr;
     std::vector<FreeParameter> parameters;
     for (Eigen::Index i = 0; i < from.theta.size(); ++i) {
         if (i == pinned) continue;

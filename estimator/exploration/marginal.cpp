@@ -10,6 +10,7 @@
 #include <tbb/partitioner.h>
 
 #include "estimator/exploration/conditional_estimate.hpp"
+#include "estimator/exploration/finished_count.hpp"
 #include "estimator/exploration/log_density_spline.hpp"
 #include "estimator/interface/not_finite.hpp"
 
@@ -222,9 +223,13 @@ std::vector<Marginal> marginals(const std::vector<FreeParameter>& parameters,
     const std::vector<Unknown> which = conditional.named(marginal.names);
     const bool full_hessian = marginal.full_hessian.value_or(conditional.parameters().size() <= affordable);
     std::vector<Marginal> result(which.size());
+    FinishedCount finished(marginal.progress, which.size());
     tbb::parallel_for(
         std::size_t{0}, which.size(),
-        [&](std::size_t k) { result[k] = marginal_of(conditional, which[k], options, marginal, full_hessian); },
+        [&](std::size_t k) {
+            result[k] = marginal_of(conditional, which[k], options, marginal, full_hessian);
+            finished.add();
+        },
         tbb::simple_partitioner{});
     return result;
 }

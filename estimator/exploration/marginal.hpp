@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,6 +25,8 @@ struct MarginalOptions {
     /// Gauss-Newton one misses how a curved model widens or narrows. Empty: when there are at most 12 parameters.
     std::optional<bool> full_hessian;
     std::vector<std::string> names;  ///< which unknowns: parameters, "group.scale", "group.dof" ...; empty: all
+    /// Called after every unknown, one call at a time; may be empty.
+    std::function<void(int finished, int total)> progress{};
 };
 
 /// Why a grid ends on a side. reach: the density has not fallen (improper, or a very heavy tail). What lies beyond is

@@ -105,6 +105,7 @@ void Search::run(const std::vector<std::size_t>& which, const EstimateOptions& o
             parameters[i].start = run.theta[static_cast<Eigen::Index>(i)];
         EstimateOptions quiet = options;
         quiet.progress = nullptr;  // made for one estimate, not for several at a time
+        quiet.watched = nullptr;
         Estimate& result = estimates[which[k]];
         result = estimate(parameters, residuals, derived_, quiet);
         run.status = result.status;
@@ -124,6 +125,7 @@ void Search::run(const std::vector<std::size_t>& which, const EstimateOptions& o
         const std::lock_guard lock(door);
         ++finished;
         if (options_.progress) options_.progress(finished, static_cast<int>(which.size()));
+        if (options_.ended) options_.ended(run);
     };
     tbb::parallel_for(std::size_t{0}, which.size(), one, tbb::simple_partitioner{});
 }

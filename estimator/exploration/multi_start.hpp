@@ -15,6 +15,8 @@
 
 namespace orbid::estimator {
 
+struct StartedRun;
+
 struct MultiStartOptions {
     int starts = 20;         ///< > 0, the given start included
     std::uint64_t seed = 1;  ///< of the drawn starts
@@ -30,6 +32,8 @@ struct MultiStartOptions {
     EstimateOptions estimate;           ///< of every run; `interrupted` is called from several threads
     /// Called after every run, one call at a time; may be empty.
     std::function<void(int finished, int total)> progress;
+    /// Called after every run with its end, one call at a time; may be empty.
+    std::function<void(const StartedRun& run)> ended{};
 };
 
 /// One run of a global search.

@@ -67,6 +67,7 @@ Folds folds_of(const std::vector<FreeParameter>& parameters, const std::vector<c
     result.options.verdict = false;
     result.options.maximum_rounds = 1;
     result.options.progress = nullptr;
+    result.options.watched = nullptr;
     for (FreeParameter& parameter : result.parameters)
         for (const Estimated& found : estimate.parameters)
             if (found.name == parameter.name && parameter.tied_to.empty()) parameter.start = found.value;

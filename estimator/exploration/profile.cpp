@@ -12,6 +12,7 @@
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
+#include "estimator/exploration/finished_count.hpp"
 #include "estimator/exploration/profile_walk.hpp"
 
 namespace orbid::estimator {
@@ -173,11 +174,13 @@ std::vector<Profile> profiles(const std::vector<FreeParameter>& parameters,
     const Conditional conditional(parameters, residuals, options, estimate);
     const std::vector<Unknown> which = conditional.named(profile.names);
     std::vector<Profile> result(which.size());
+    FinishedCount finished(profile.progress, which.size());
     tbb::parallel_for(
         std::size_t{0}, which.size(),
         [&](std::size_t k) {
             result[k] = profile_of(conditional, which[k], options, profile,
                                    threshold_of(conditional, which[k], residuals, estimate, profile.level));
+            finished.add();
         },
         tbb::simple_partitioner{});
     return result;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,8 @@ struct ProfileOptions {
     int curve_points = 4;     ///< points to each side within the interval, for a drawing, at equal signed roots, >= 0
     int maximum_points = 60;  ///< minimisations to each side, > 0
     std::vector<std::string> names;  ///< which unknowns: parameters, "group.scale", "group.dof" ...; empty: all
+    /// Called after every unknown, one call at a time; may be empty.
+    std::function<void(int finished, int total)> progress{};
 };
 
 /// How an end of a profile interval was reached. bound: the likelihood has not fallen to the threshold at the bound,

@@ -53,6 +53,20 @@ enum class Variance { ml, restricted, integrated };
 /// covariance.
 enum class Clusters { automatic, blocks, none };
 
+/// A minimisation at its start and after an accepted step, or what follows it.
+struct StepReport {
+    enum class Phase { minimisation, uncertainty };
+    Phase phase = Phase::minimisation;
+    int iteration = 0;         ///< accepted steps, over all rounds
+    int round = 0;             ///< from 1
+    bool provisional = false;  ///< an intermediate stage
+    double objective = 0.0;
+    double decrease = std::numeric_limits<double>::quiet_NaN();  ///< of the objective by this step
+    double damping = std::numeric_limits<double>::quiet_NaN();   ///< lambda of this step; 0: a full one
+    double step = std::numeric_limits<double>::quiet_NaN();      ///< full step from before it, in posterior sds
+    Eigen::VectorXd theta{};                                     ///< reached, natural units
+};
+
 struct EstimateOptions {
     /// Priors that several parameters share.
     std::vector<JointNormalPrior> joint_priors;
@@ -74,6 +88,9 @@ struct EstimateOptions {
     bool full_hessian = false;
     std::function<bool()> interrupted;                              ///< called between steps; empty = never
     std::function<void(int iteration, double objective)> progress;  ///< called after every accepted step; may be empty
+    /// Called at the start of every minimisation, after every accepted step, and before uncertainties are computed; may
+    /// be empty.
+    std::function<void(const StepReport& report)> watched{};
 };
 
 }  // namespace orbid::estimator

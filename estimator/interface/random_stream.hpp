@@ -16,7 +16,8 @@ enum class RandomPurpose : std::uint64_t {
     reading_noise = 2,
     range_probe = 3,
     posterior_sample = 4,  ///< index = chain
-    multi_start = 5        ///< index = start
+    multi_start = 5,       ///< index = start
+    prediction_draw = 6    ///< index = draw
 };
 
 /// Random numbers that depend on (seed, purpose, index, position) alone: any order of drawing, on any thread, gives the

@@ -32,6 +32,11 @@ bool Minimisation::start() {
 Minimum Minimisation::run() {
     using enum Decision::Next;
     if (!start() || !update_errors()) return std::move(minimum_);
+    tell_step({.iteration = ledger_.iterations,
+               .round = ledger_.round,
+               .provisional = set_.provisional,
+               .objective = objective()},
+              problem_, state_.theta);
     radius_ = initial_radius();
     while (true) {
         const Decision decision = stopping_.decide(standing());

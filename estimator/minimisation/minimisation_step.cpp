@@ -110,6 +110,14 @@ bool Minimisation::try_step(const TrialStep& step) {
     }
     adopt(step, std::move(trial));
     if (problem_.options.progress) problem_.options.progress(ledger_.iterations, after);
+    tell_step({.iteration = ledger_.iterations,
+               .round = ledger_.round,
+               .provisional = set_.provisional,
+               .objective = after,
+               .decrease = before - after,
+               .damping = step.mu,
+               .step = minimum_.remaining},
+              problem_, state_.theta);
     return true;
 }
 

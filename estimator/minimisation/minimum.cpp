@@ -12,6 +12,12 @@ std::string two_figures(double value) {
     return text;
 }
 
+void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd& theta) {
+    if (!problem.options.watched) return;
+    report.theta = theta;
+    problem.options.watched(report);
+}
+
 ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, Follow follow) {
     ErrorProblem errors;
     errors.set = &set;

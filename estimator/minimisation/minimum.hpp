@@ -40,6 +40,9 @@ struct SolverStatistics {
     std::vector<StepRecord> history;
 };
 
+/// Tells whoever watches the estimate; completes `report` by the place that is reached.
+void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd& theta);
+
 /// For messages.
 [[nodiscard]] std::string two_figures(double value);
 

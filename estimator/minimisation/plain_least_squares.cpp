@@ -62,6 +62,7 @@ private:
     Verdict try_step();
     Verdict polish();
     void start_scale();
+    [[nodiscard]] double objective(double square) const;
     void record(double square, bool accepted, double change, StepRejection reason);
     void adopt(Evaluation&& evaluation, Eigen::VectorXd&& e);
     [[nodiscard]] double square_of_scale() const {
@@ -147,16 +148,28 @@ bool LeastSquares::correct() {
     return true;
 }
 
-void LeastSquares::record(double square, bool accepted, double change, StepRejection reason) {
+/// With the scale at its best, if it is estimated.
+double LeastSquares::objective(double square) const {
     const auto n = static_cast<double>(rows_.records());
     const double variance = estimated_ ? square / n : square_of_scale();
-    const double before =
-        0.5 * (n * std::log(2.0 * std::numbers::pi * variance) + square / variance + set_.ln_det_shapes);
+    return 0.5 * (n * std::log(2.0 * std::numbers::pi * variance) + square / variance + set_.ln_det_shapes);
+}
+
+void LeastSquares::record(double square, bool accepted, double change, StepRejection reason) {
+    const double variance = estimated_ ? square / static_cast<double>(rows_.records()) : square_of_scale();
+    const double before = objective(square);
     const double after = accepted ? before + 0.5 * std::min(change, 0.0) / variance : before;
     ledger_.history.push_back({ledger_.round, StepBlock::theta, accepted, before, after, damping_, reason});
     if (!accepted) return;
     ++ledger_.iterations;
     if (problem_.options.progress) problem_.options.progress(ledger_.iterations, after);
+    tell_step({.iteration = ledger_.iterations,
+               .round = ledger_.round,
+               .objective = after,
+               .decrease = before - after,
+               .damping = damping_,
+               .step = remaining_},
+              problem_, trial_.theta);
 }
 
 void LeastSquares::adopt(Evaluation&& evaluation, Eigen::VectorXd&& e) {
@@ -262,6 +275,8 @@ Evaluation LeastSquares::run() {
     if (!std::isfinite(e.squaredNorm())) return std::move(trial_values_);
     adopt(std::move(trial_values_), std::move(e));
     factorise();
+    tell_step({.iteration = ledger_.iterations, .round = ledger_.round, .objective = objective(square_)}, problem_,
+              state_.theta);
     while (remaining_ > polished_sds && std::isfinite(remaining_)) {
         if (ledger_.trials >= problem_.options.maximum_iterations) break;
         if (problem_.options.interrupted && problem_.options.interrupted()) break;

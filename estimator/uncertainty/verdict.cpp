@@ -56,6 +56,7 @@ Problem held(const Problem& problem, Eigen::Index parameter, double u) {
     result.options.maximum_iterations = 10;
     result.options.step_tolerance = 0.05;
     result.options.progress = nullptr;
+    result.options.watched = nullptr;
     return result;
 }
 

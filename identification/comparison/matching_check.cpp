@@ -53,6 +53,9 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
     estimator::EstimateOptions options = input.estimate;
     options.verdict = false;
     options.progress = {};
+    options.watched = [&input](const estimator::StepReport& report) {
+        input.observer.step("ten times looser matching", report);
+    };
     const auto other = estimator::estimate(parameters, residuals, {}, options);
     input.observer.detail(fmt::format("ten times looser matching: {}, {} iterations; {}", estimator::name(other.status),
                                       other.iterations, other.message));

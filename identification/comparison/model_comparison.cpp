@@ -101,9 +101,10 @@ std::optional<std::size_t> large_defects(const StageInput& input, const StageRun
     return large;
 }
 
-estimator::PredictiveScore held_out(const ModelFit& model, const StageRun& run, double share) {
+estimator::PredictiveScore held_out(Observer& observer, const ModelFit& model, const StageRun& run, double share) {
     estimator::PredictiveScore score;
     const int folds = std::max(2, static_cast<int>(std::lround(1.0 / share)));
+    observer.within(fmt::format("{} folds left out in turn", folds));
     try {
         return estimator::predictive_score(run.parameters, run.residuals.all(), model.options(), run.estimate, folds);
     } catch (const orbits::DataError& error) {
@@ -146,7 +147,7 @@ public:
         from_start_ = {Stage::Kind::residuals, stage.residuals};
         own_ = std::make_unique<ModelFit>(input, problem_, input.options.comparison.model, nodes_);
         base_ = own_->fit(stage_, run.estimate);
-        if (held_out_share() > 0.0) base_score_ = held_out(*own_, base_, held_out_share());
+        if (held_out_share() > 0.0) base_score_ = held_out(input.observer, *own_, base_, held_out_share());
     }
 
     [[nodiscard]] const StageRun& base() const { return base_; }
@@ -204,8 +205,8 @@ private:
             result.ln_bayes_factor.reason = evidence.message;
         }
         if (held_out_share() > 0.0) {
-            const auto mine = all ? base_score_ : held_out(*own_, own, held_out_share());
-            compare_scores(mine, held_out(model, other, held_out_share()), result);
+            const auto mine = all ? base_score_ : held_out(input_.observer, *own_, own, held_out_share());
+            compare_scores(mine, held_out(input_.observer, model, other, held_out_share()), result);
         }
         return result;
     }

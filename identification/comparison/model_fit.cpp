@@ -33,6 +33,8 @@ ModelFit::ModelFit(const StageInput& input, IdentificationProblem problem, std::
              prepared_, input.estimate, input.search,   nullptr, std::move(nodes),
              false} {
     input_.estimate.progress = {};
+    input_.estimate.watched = [this](const estimator::StepReport& report) { input_.observer.step(name_, report); };
+    input_.observer.within(fmt::format("{}: first solutions", name_));
     add_series(problem_, setup_, prepared_);
     (void)add_waveform(problem_, setup_, setup_.start(), prepared_.waveform);
     (void)add_branch(problem_, setup_, setup_.start(), prepared_.branch);

@@ -88,6 +88,20 @@ Eigen::VectorXd EstimateSetup::start() const {
     return starts(parameters);
 }
 
+std::optional<orbits::InputDelay> EstimateSetup::delay(const Experiment& data, std::size_t experiment) const {
+    if (!data.delay) return std::nullopt;
+    const models::ParameterBinding& binding = experiments[experiment];
+    const double value = binding.base[*data.delay];
+    orbits::InputDelay delay{*data.delay, value, value};
+    for (std::size_t j = 0; j < binding.parameter.size(); ++j) {
+        if (binding.parameter[j] != *data.delay) continue;
+        const estimator::FreeParameter& free = parameters[static_cast<std::size_t>(binding.estimated[j])];
+        delay.lower = free.lower;
+        delay.upper = free.upper;
+    }
+    return delay;
+}
+
 EstimateSetup estimate_setup(const IdentificationProblem& problem,
                              const std::vector<std::vector<std::string>>& segments) {
     EstimateSetup setup;

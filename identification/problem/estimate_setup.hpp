@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,7 @@
 #include "estimator/interface/residual.hpp"
 #include "identification/problem/identification_problem.hpp"
 #include "models/system/system.hpp"
+#include "orbits/series_residuals/input_delay.hpp"
 
 namespace orbid::identification {
 
@@ -21,6 +23,9 @@ struct EstimateSetup {
     std::vector<std::vector<std::vector<Eigen::Index>>> initial;
 
     [[nodiscard]] Eigen::VectorXd start() const;
+    /// The delay of an experiment's inputs with the bounds of its estimate; of a value that is not estimated both are
+    /// this value. Nothing where the inputs have none.
+    [[nodiscard]] std::optional<orbits::InputDelay> delay(const Experiment& data, std::size_t experiment) const;
 };
 
 /// Parameters shared by all experiments come first, in the order of the problem, then those of single experiments,

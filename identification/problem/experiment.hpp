@@ -70,6 +70,9 @@ struct Experiment {
     std::optional<std::vector<std::string>> fit;  ///< labels of segments; empty = all not in `predict`
     std::vector<std::string> predict;             ///< labels of segments predicted, not fitted
     std::vector<InitialValue> initial_state;      ///< one per coordinate of the model; empty: all estimated
+    /// Parameter of the model that is the delay of the inputs [s], which are given undelayed: the model reads
+    /// u(t - delay).
+    std::optional<Eigen::Index> delay = {};
     bool follows_model = false;  ///< simulated by this model: nodes are matched exactly unless told otherwise
 
     /// Whether a parameter is estimated for this experiment only.

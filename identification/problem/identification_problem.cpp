@@ -132,6 +132,11 @@ void choose_residuals(IdentificationProblem& problem) {
 
 /// A prediction starts from states that readings say.
 bool has_readings(const IdentificationProblem& problem) {
+    const auto by_formulas = [&](std::size_t index) {
+        return problem.experiments[index].sensor.type == models::Sensor::Type::function;
+    };
+    if (problem.series && std::any_of(problem.series->data.begin(), problem.series->data.end(), by_formulas))
+        return false;
     return (problem.series && !problem.series->data.empty()) || problem.measured.experiment;
 }
 
@@ -216,7 +221,8 @@ void check_strategy(const IdentificationProblem& problem, const std::vector<Stag
     for (const Stage& stage : strategy) {
         const bool predicts = stage.kind == Stage::Kind::prediction;
         refuse_unless(!predicts || has_readings(problem),
-                      "strategy: a prediction needs a series, or an experiment that was searched for cycles");
+                      "strategy: a prediction needs a series that is not read by formulas, or an experiment that was "
+                      "searched for cycles");
         refuse_unless(predicts || !stage.residuals.empty(), "strategy: a stage names no residuals");
         const bool there = (!stage.uses(ResidualType::cycles) || problem.cycles) &&
                            (!stage.uses(ResidualType::series) || problem.series) &&

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "estimator/interface/estimate_options.hpp"
 #include "identification/problem/identification_result.hpp"
 
 #pragma GCC visibility push(default)
@@ -29,6 +30,13 @@ public:
     /// `done` units of work, or steps of a minimisation, which `note` describes.
     virtual void at(double /*done*/, const std::string& /*note*/) {}
     virtual void end(const std::string& /*outcome*/) {}
+    /// Work within a step or between two that may take long, such as "first solutions"; empty: it has ended.
+    virtual void within(const std::string& /*work*/) {}
+    /// A minimisation within the step: its name ("": that of the step), and where it is.
+    /// Unless overridden it is told by at().
+    virtual void step(const std::string& minimisation, const estimator::StepReport& report);
+    /// The best values of the estimated parameters so far, and the objective there (of its step; nan: unknown).
+    virtual void reached(const Eigen::VectorXd& /*theta*/, double /*objective*/) {}
     /// A step was not computed but recalled.
     virtual void recalled(const std::string& /*step*/, const std::string& /*outcome*/) {}
     /// Something to know, for whoever reads the results.

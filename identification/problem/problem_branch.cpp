@@ -80,6 +80,11 @@ std::vector<periodic::StartingSolution> starts_at(const periodic::BifurcationDia
 
 }  // namespace
 
+periodic::BifurcationDiagram followed_branch(const models::System& system, const BranchChoice& asked,
+                                             const Eigen::VectorXd& values) {
+    return followed(system, values, asked, values);
+}
+
 std::vector<std::string> add_branch(const IdentificationProblem& problem, const EstimateSetup& setup,
                                     const Eigen::VectorXd& start, std::unique_ptr<periodic::BranchResidual>& residual) {
     if (!problem.branch) return {};
@@ -107,6 +112,7 @@ std::vector<std::string> add_branch(const IdentificationProblem& problem, const 
                                     channel.errors.distribution, channel.errors.floor,
                                     !channel.errors.sd_column.empty()});
     options.start = start;
+    options.readings = asked.readings;
     options.starts = [system = problem.system, values = problem.values, binding = setup.model,
                       asked](const Eigen::VectorXd& theta) {
         const auto there = followed(*system, values, asked, binding.values(theta));

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "identification/problem/estimate_setup.hpp"
+#include "periodic/branches/continuation.hpp"
 #include "periodic/waveforms/branch_residual.hpp"
 
 namespace orbid::identification {
@@ -18,5 +19,10 @@ namespace orbid::identification {
 [[nodiscard]] std::vector<std::string> add_branch(const IdentificationProblem& problem, const EstimateSetup& setup,
                                                   const Eigen::VectorXd& start,
                                                   std::unique_ptr<periodic::BranchResidual>& residual);
+
+/// The branch through `asked.start` at these values of all parameters, over the measured ones. Without those switched
+/// to.
+[[nodiscard]] periodic::BifurcationDiagram followed_branch(const models::System& system, const BranchChoice& asked,
+                                                           const Eigen::VectorXd& values);
 
 }  // namespace orbid::identification

@@ -85,6 +85,7 @@ std::unique_ptr<orbits::SeriesResidual> single_shooting(const IdentificationProb
     for (std::size_t i = 0; i < data.initial_state.size(); ++i)
         options.initial.push_back(initial_rule(data.initial_state[i], setup.initial[experiment][i]));
     options.start = setup.start();
+    options.delay = setup.delay(data, experiment);
     try {
         return std::make_unique<orbits::SeriesResidual>(problem.system, setup.experiments[experiment], series, options);
     } catch (const orbits::DataError& error) {

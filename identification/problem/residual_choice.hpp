@@ -61,7 +61,7 @@ struct WaveformChoice {
 struct BranchChoice {
     struct Channel {
         periodic::OrbitMeasure measure = periodic::OrbitMeasure::half_range;
-        RecordErrors errors;  ///< and the coordinate, without meaning for the frequency
+        RecordErrors errors;  ///< and the coordinate, or n + i of `readings`; without meaning for the frequency
     };
     Eigen::Index parameter = 0;  ///< of the model, which varies along the branch; it is not estimated
     std::vector<Channel> channels;
@@ -72,6 +72,7 @@ struct BranchChoice {
     periodic::StartingSolution start;
     /// Over which the branch is followed; nothing: half as far again as the values reach.
     std::optional<std::pair<double, double>> range;
+    std::vector<periodic::OrbitReading> readings{};  ///< formulas that were measured beside coordinates
 };
 
 enum class ResidualType { cycles, series, waveform, branch };

@@ -41,7 +41,10 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     options.phase = measured.section_phase;
     options.covariance = *covariance;
     options.free = input.cycle_binding.parameter;
-    input.observer.begin("more cycles", 0.0, {});
+    options.search.progress = [&observer = input.observer](const std::string& part, std::size_t done, std::size_t) {
+        observer.at(static_cast<double>(done), part);
+    };
+    input.observer.begin("more cycles", 3.0, {});
     orbits::ModelGuidedSearch found;
     try {
         const Unstoppable computing(input.observer);

@@ -7,6 +7,27 @@
 
 namespace orbid::identification {
 
+namespace {
+
+/// A parameter that predictions over one interval have lost, in a sentence; empty when there is none. It happens to
+/// intervals that say nothing of a parameter, and on a logarithmic scale nothing brings it back.
+std::string lost_parameter(const StageRun& run, const std::vector<estimator::FreeParameter>& starts) {
+    constexpr double far = 1e3;  // times its start: no start is meant to be so wrong
+    if (!run.usable()) return {};
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+        const bool log_scale = starts[i].scale == estimator::Scale::log || starts[i].scale == estimator::Scale::log10;
+        const double ratio = run.estimate.parameters[i].value / starts[i].start;
+        if (!log_scale || (ratio > 1.0 / far && ratio < far)) continue;
+        return fmt::format(
+            "prediction: its intervals do not tell {}, which went from {:.3g} to {:.3g}: the next stage begins at the "
+            "job's start",
+            starts[i].name, starts[i].start, run.estimate.parameters[i].value);
+    }
+    return {};
+}
+
+}  // namespace
+
 StrategyRun run_strategy(StageInput& input, const std::vector<Stage>& stages,
                          const std::vector<estimator::FreeParameter>& parameters,
                          const std::function<void(const StrategyRun&)>& stored) {
@@ -22,7 +43,10 @@ StrategyRun run_strategy(StageInput& input, const std::vector<Stage>& stages,
         strategy.evaluations += run.result.evaluations;
         if (!run.skipped()) strategy.last = run.estimate.status;
         // One that did not succeed is better than nothing, and than others that did not.
-        const bool better = run.succeeded() || !strategy.best || (!strategy.best->succeeded() && run.usable());
+        const std::string lost = stage.kind == Stage::Kind::prediction ? lost_parameter(run, current) : "";
+        if (!lost.empty()) input.observer.remark(lost);
+        const bool better =
+            lost.empty() && (run.succeeded() || !strategy.best || (!strategy.best->succeeded() && run.usable()));
         if (better) {
             for (StageResult& one : strategy.stages)
                 one.chosen = false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -9,6 +10,7 @@
 
 #include "identification/problem/estimated_values.hpp"
 #include "identification/stages/harvest_stage.hpp"
+#include "identification/stages/several_starts.hpp"
 #include "identification/stages/stage_value.hpp"
 #include "identification/starts/cycle_start.hpp"
 #include "identification/starts/prediction_start.hpp"
@@ -38,11 +40,13 @@ void begin_at(const Eigen::VectorXd& theta, Parameters& parameters) {
 
 /// Makes the waveform residual anew, with its solutions at `start`.
 void make_waveform(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
+    input.observer.within("steady states at the start");
     for (const std::string& lost : add_waveform(input.problem, input.setup, start, residuals.waveform))
         input.observer.remark(lost);
 }
 
 void make_branch(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
+    input.observer.within("branch at the start");
     for (const std::string& lost : add_branch(input.problem, input.setup, start, residuals.branch))
         input.observer.remark(lost);
 }
@@ -68,6 +72,7 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
         for (const auto& series : input.prepared.series)
             residuals.series.push_back(std::make_unique<orbits::SeriesResidual>(*series));
         residuals.experiments = input.prepared.experiments;
+        if (problem.series->interval) input.observer.within("states at the nodes");
         if (problem.series->interval) add_shooting(problem, input.setup, starts(parameters), input.nodes, residuals);
     }
     if (stage.uses(ResidualType::waveform)) {
@@ -93,35 +98,22 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
             CycleStartOptions start_options;
             start_options.estimate = input.estimate;
             start_options.log = [&](const std::string& line) { input.observer.detail(line); };
+            start_options.watched = [&](const std::string& name, const estimator::StepReport& report) {
+                input.observer.step(name, report);
+            };
+            start_options.reached = [&](const Eigen::VectorXd& theta) {
+                if (input.kept) input.observer.reached(theta, std::numeric_limits<double>::quiet_NaN());
+            };
             if (!known)
                 start = start_from_cycles(
                     {problem.system, input.cycle_binding, input.search.cycles, problem.measured.section_phase, targets},
                     parameters, start_options);
             begin_at(start.theta, parameters);
         }
+        input.observer.within("orbits at the start");
         residuals.cycles = cycle_residual(input, targets, starts(parameters), start.nodes);
     }
     return residuals;
-}
-
-/// Estimates from several starts and moves `parameters` to the best result.
-void search_starts(StageInput& input, const ProblemResiduals& residuals, Parameters& parameters) {
-    estimator::MultiStartOptions search;
-    search.starts = static_cast<int>(input.options.starts);
-    search.seed = input.options.start_seed;
-    search.estimate = input.estimate;
-    search.estimate.progress = {};
-    search.estimate.verdict = false;
-    input.observer.begin("starts", static_cast<double>(input.options.starts), "starts");
-    search.progress = [&](int finished, int) { input.observer.at(finished, {}); };
-    const auto found = estimator::multi_start(
-        parameters, [&] { return residuals.copies(); }, input.setup.derived, search);
-    input.starts->optima = found.optima;
-    input.starts->runs = found.runs;
-    input.observer.end(fmt::format("{} optima from {} starts", found.optima.size(), found.runs.size()));
-    if (found.best_start < 0 || found.best.parameters.size() != parameters.size()) return;
-    for (std::size_t i = 0; i < parameters.size(); ++i)
-        parameters[i].start = found.best.parameters[i].value;
 }
 
 /// Tries other starts and takes the residuals to the best end.
@@ -153,6 +145,7 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     estimator::EstimateOptions options = input.estimate;
     if (stage.kind == Stage::Kind::prediction) {
         std::optional<Unstoppable> computing(std::in_place, input.observer);
+        input.observer.within(input.options.scan ? "coarse scan of starts" : "intervals to predict");
         PredictionStart start = prediction_start(input.problem, input.options, input.setup, input.cycle_binding,
                                                  parameters, known ? &memory.prediction : nullptr);
         computing.reset();
@@ -160,6 +153,7 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
         memory.prediction = start.theta;
         begin_at(start.theta, parameters);
         options = prediction_options(options);
+        if (input.kept && !known) input.observer.reached(start.theta, std::numeric_limits<double>::quiet_NaN());
     } else {
         run.residuals = stage_residuals(input, stage, parameters, memory.cycles, known);
     }
@@ -204,8 +198,10 @@ estimator::EstimateOptions estimate_options(const IdentificationProblem& problem
     estimate.joint_priors = problem.joint_priors;
     estimate.step_tolerance = options.step_tolerance;
     estimate.interrupted = [&observer] { return observer.stopped(); };
-    estimate.progress = [&observer](int iteration, double objective) {
-        observer.at(iteration, fmt::format("objective {:.6g}", objective));
+    estimate.watched = [&observer](const estimator::StepReport& report) {
+        if (report.phase == estimator::StepReport::Phase::minimisation)
+            observer.reached(report.theta, report.objective);
+        observer.step({}, report);
     };
     return estimate;
 }

@@ -70,6 +70,9 @@ public:
         problem_.targets.covariances.clear();
     }
 
+    /// From now on other ways are tried: their steps are no longer the best so far.
+    void try_others() { only_way_ = false; }
+
     [[nodiscard]] bool interrupted() const { return options_.estimate.interrupted && options_.estimate.interrupted(); }
 
     /// The parameters of the smallest misfit of one-period predictions on a ladder about the start.
@@ -145,6 +148,13 @@ private:
         options.verdict = false;
         options.maximum_iterations = stage_iterations;
         options.step_tolerance = stage_tolerance;
+        options.watched = nullptr;
+        if (options_.watched)
+            options.watched = [&](const estimator::StepReport& report) {
+                options_.watched(name, report);
+                if (only_way_ && options_.reached && report.phase == estimator::StepReport::Phase::minimisation)
+                    options_.reached(report.theta);
+            };
         const auto estimate = estimator::estimate(parameters, {&residual}, {}, options);
         count_.iterations += estimate.iterations;
         count_.evaluations += estimate.evaluations;
@@ -166,6 +176,7 @@ private:
     CycleStartProblem problem_;
     const CycleStartOptions& options_;
     CycleStart& count_;
+    bool only_way_ = true;
 };
 
 }  // namespace
@@ -179,8 +190,12 @@ CycleStart start_from_cycles(const CycleStartProblem& problem, const std::vector
     Candidate best = approach.lifted(predicted);
     const auto found = [&] { return best.distance < good_distance || approach.interrupted(); };
     const auto take = [&](Candidate candidate) {
-        if (candidate.distance < best.distance) best = std::move(candidate);
+        if (!(candidate.distance < best.distance)) return;
+        best = std::move(candidate);
+        if (options.reached) options.reached(starts(best.parameters));
     };
+    approach.try_others();
+    if (options.reached) options.reached(starts(best.parameters));
     if (!found()) take(approach.homotopy(predicted));
     if (!found()) take(approach.homotopy(begin));
     if (!found() && options.scan) {

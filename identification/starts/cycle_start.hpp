@@ -24,6 +24,10 @@ struct CycleStartOptions {
     /// First of all, one-period predictions are compared on a ladder about the start.
     bool scan = true;
     std::function<void(const std::string& line)> log;  ///< one line per stage; empty: none
+    /// Steps of the stages, with the stage's name; empty: not told.
+    std::function<void(const std::string& stage, const estimator::StepReport& report)> watched{};
+    /// The best values so far, shape (parameters); empty: not told.
+    std::function<void(const Eigen::VectorXd& theta)> reached{};
 };
 
 /// A good start for the estimate from measured cycles.

@@ -1,5 +1,6 @@
 #include "identification/starts/prediction_start.hpp"
 
+#include <limits>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -7,6 +8,7 @@
 #include "identification/problem/estimated_values.hpp"
 #include "orbits/cycle_residuals/one_period_residual.hpp"
 #include "orbits/records/data_error.hpp"
+#include "orbits/simulation/state_track.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::identification {
@@ -20,13 +22,7 @@ constexpr std::size_t predicted_intervals = 2000;
 constexpr int prediction_iterations = 60;
 constexpr double prediction_tolerance = 1e-2;
 
-/// Range of every coordinate of the model, as far as the readings tell it.
-Eigen::VectorXd model_range(const models::System& system, const orbits::Series& series) {
-    return orbits::coordinate_range(system, series, Eigen::MatrixXd::Zero(system.dimension(), 0));
-}
-
-orbits::Continuity matching(const IdentificationProblem& problem, const Experiment& data,
-                            const orbits::Series& series) {
+orbits::Continuity matching(const IdentificationProblem& problem, const Experiment& data) {
     const Matching& asked = problem.series->matching;
     orbits::Continuity result;
     // A simulated record follows its equations; a measured one only as far as the model is right.
@@ -34,12 +30,21 @@ orbits::Continuity matching(const IdentificationProblem& problem, const Experime
         asked.kind == Matching::Kind::exact || (asked.kind == Matching::Kind::automatic && data.follows_model);
     result.kind = perfect ? orbits::Continuity::Kind::exact : orbits::Continuity::Kind::normal;
     result.estimate = !perfect && asked.kind != Matching::Kind::given;
-    if (asked.kind == Matching::Kind::given) result.sd = asked.sd * model_range(*problem.system, series);
+    if (asked.kind == Matching::Kind::given) result.share = asked.sd;
     return result;
 }
 
+/// What is known of the first states; empty where nothing is.
+Eigen::VectorXd first_state(const Experiment& data) {
+    Eigen::VectorXd state =
+        Eigen::VectorXd::Constant(std::ssize(data.initial_state), std::numeric_limits<double>::quiet_NaN());
+    for (std::size_t i = 0; i < data.initial_state.size(); ++i)
+        if (data.initial_state[i].value) state[static_cast<Eigen::Index>(i)] = *data.initial_state[i].value;
+    return state.array().isFinite().any() ? state : Eigen::VectorXd();
+}
+
 orbits::ShootingOptions shooting_options(const IdentificationProblem& problem, std::size_t experiment,
-                                         const orbits::Series& series, const Eigen::VectorXd& start) {
+                                         const Eigen::VectorXd& start) {
     const SeriesChoice& asked = *problem.series;
     const Experiment& data = problem.experiments[experiment];
     orbits::ShootingOptions options;
@@ -58,9 +63,10 @@ orbits::ShootingOptions shooting_options(const IdentificationProblem& problem, s
         }
     }
     options.segments = data.fitted_segments();
-    options.matching = matching(problem, data, series);
+    options.matching = matching(problem, data);
     options.interval = static_cast<Eigen::Index>(asked.interval.value_or(SeriesChoice::automatic_interval));
     options.start = start;
+    options.first_state = first_state(data);
     return options;
 }
 
@@ -71,19 +77,29 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Identifica
                                                                 const Eigen::VectorXd& theta, std::size_t experiments,
                                                                 std::uint64_t seed) {
     const Experiment& data = problem.experiments[experiment];
-    const orbits::Series& series = *data.series;
     const models::System& system = *problem.system;
+    orbits::Series delayed;  // a later input is an earlier clock
+    if (data.delay) {
+        delayed = *data.series;
+        delayed.phase -= binding.values(theta)[*data.delay];
+    }
+    const orbits::Series& series = data.delay ? delayed : *data.series;
     auto systems = systems_with(problem.system, data.inputs);
     try {
         const auto segments = data.fitted_segments();
         const Eigen::VectorXd values = binding.values(theta);
-        const Eigen::Index interval = orbits::shooting_interval(systems, values, series, data.sensor, segments);
+        const auto known = orbits::followed_series(systems, values, series, data.sensor, segments);
+        const Eigen::Index interval = orbits::shooting_interval(systems, values, series, data.sensor, segments, known);
         auto list = orbits::transitions(systems, values, series, data.sensor, segments, interval,
-                                        predicted_intervals / experiments, seed);
+                                        predicted_intervals / experiments, seed, known);
         Eigen::MatrixXd states(system.dimension(), static_cast<Eigen::Index>(list.size()));
         for (Eigen::Index i = 0; i < states.cols(); ++i)
             states.col(i) = list[static_cast<std::size_t>(i)].from;
         orbits::PredictionOptions options;
+        options.delay = data.delay;
+        if (data.delay)
+            for (orbits::Transition& one : list)
+                one.phase += values[*data.delay];
         if (experiments > 1) options.name = "prediction." + data.name;
         options.sizes = orbits::error_sizes(data.sensor, orbits::coordinate_range(system, series, states));
         return std::make_unique<orbits::PredictionResidual>(std::move(systems), binding, std::move(list),
@@ -102,8 +118,9 @@ void add_shooting(const IdentificationProblem& problem, const EstimateSetup& set
     for (std::size_t i = 0; i < experiments.size(); ++i) {
         const std::size_t experiment = experiments[i];
         const Experiment& measured = problem.experiments[experiment];
-        orbits::ShootingOptions options = shooting_options(problem, experiment, *measured.series, start);
+        orbits::ShootingOptions options = shooting_options(problem, experiment, start);
         options.inputs = measured.inputs;
+        options.delay = setup.delay(measured, experiment);
         if (!nodes.empty()) options.nodes = nodes.at(i);
         try {
             residuals.shooting.push_back(std::make_unique<orbits::ShootingResidual>(

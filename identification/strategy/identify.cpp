@@ -21,7 +21,9 @@ void criticise_result(const StageInput& input, const StageRun& best, Identificat
     if (chosen == result.stages.end() || !best.is_evaluated()) return;
     const Stage& stage = input.options.strategy[static_cast<std::size_t>(chosen - result.stages.begin())];
     if (!input.observer.recall("matching", result.matching)) {
+        input.observer.within("matching of nodes");
         result.matching = matching_results(input, best, !input.observer.stopped());
+        input.observer.within({});
         if (!input.observer.stopped()) input.observer.keep("matching", result.matching);
     }
     if (!input.options.comparison.any() || input.observer.stopped()) return;
@@ -43,6 +45,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     EstimateSetup setup = estimate_setup(problem, fitted_labels(problem));
     if (options.strategy.size() <= 1) observer.begin("estimate", 0.0, {});
     ProblemResiduals prepared;
+    observer.within("first solutions");
     add_series(problem, setup, prepared);
     for (const std::string& lost : add_waveform(problem, setup, setup.start(), prepared.waveform))
         observer.remark(lost);
@@ -51,6 +54,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     const models::ParameterBinding& cycle_binding = searched_binding(problem, setup);
     if (const auto flow = first_flow(problem, setup, prepared, cycle_binding, options.seed))
         observer.detail(compare_derivatives(*flow));
+    observer.within({});
 
     IdentificationResult result;
     StartResults starts;

@@ -175,14 +175,20 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
     CycleSearch result;
     result.remarks = check_section(series, options.periods);
     const SectionPoints section(series, options.symmetry_signs, {}, options.interrupted);
+    std::vector<int> periods = options.periods;
+    std::sort(periods.begin(), periods.end());
+    periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
+    std::size_t done = 0;
+    const auto tell = [&](const std::string& part) {
+        if (options.progress) options.progress(part, done++, periods.size() + 1);
+    };
+    tell("reading errors and maps");
     const std::unique_ptr<CycleFinder> finder = choose_finder(series, section, options, result);
     // Finders that fit along a sheet know the times along it.
     std::optional<NeighbourIndex> timing;
     if (section.timed()) timing.emplace(section);
-    std::vector<int> periods = options.periods;
-    std::sort(periods.begin(), periods.end());
-    periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
     for (const int period : periods) {
+        tell(fmt::format("period {}, {} cycles so far", period, result.cycles.size()));
         const std::size_t tried = result.candidates, remarks = result.remarks.size();
         std::vector<CycleCandidate> drafts = finder->find(period, result);
         if (drafts.empty()) {

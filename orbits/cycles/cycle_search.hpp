@@ -49,6 +49,8 @@ struct CycleSearchOptions {
     Eigen::MatrixXd reading_covariance;
     std::optional<Partition> partition;
     std::function<bool()> interrupted{};  ///< asked all along; if it says so, models::Stopped is thrown; empty: never
+    /// Called before each part of the search: what follows, and how many of `total` parts are done; empty: never.
+    std::function<void(const std::string& part, std::size_t done, std::size_t total)> progress{};
 };
 
 /// Unstable periodic orbits of a section series (van de Water 1991; P5-P8; mathematics.md, section 2).

@@ -6,6 +6,8 @@
 #include <memory>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/expected_cycle.hpp"
 #include "orbits/local_maps/monomials.hpp"
@@ -110,7 +112,9 @@ public:
         }
         if (starts.empty()) return std::move(result_);
         CycleSearch search;
+        if (options_.search.progress) options_.search.progress("reading errors and maps", 1, 3);
         const std::unique_ptr<CycleFinder> finder = choose_finder(series, section_, options_.search, search);
+        if (options_.search.progress) options_.search.progress(fmt::format("{} starts", starts.size()), 2, 3);
         std::vector<std::optional<CycleCandidate>> fitted = finder->polish(starts);
         if (std::none_of(fitted.begin(), fitted.end(), [](const auto& draft) { return draft.has_value(); }))
             result_.remarks.emplace_back("the data close on none of the model's orbits that are not known");
@@ -191,6 +195,7 @@ ModelGuidedSearch model_guided_search(const Series& series, const models::System
         options.search.method == CycleSearchOptions::Method::closest_return,
         "harvest: the method closest_return rests on recurrences of the series alone; use local_maps or patch_map");
     ModelGuidedSearcher harvester(series, known, options);
+    if (options.search.progress) options.search.progress("orbits of the model", 0, 3);
     return harvester.reap(series, expected_cycles(series, harvester.section(), system, theta, options));
 }
 

@@ -24,6 +24,8 @@ struct Continuity {
     double dof = 4.0;       ///< student_t
     /// Continuity by equality constraints, tightened by the estimator itself; exact only.
     bool constraints = false;
+    /// > 0: in place of `sd`, which is this share of each coordinate's range.
+    double share = 0.0;
 };
 
 /// Exact matching: its sd over that of the readings, both relative to the ranges. Smaller ratios give no more

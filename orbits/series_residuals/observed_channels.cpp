@@ -82,28 +82,60 @@ void ObservedChannels::check_form(const ErrorForm& form, const models::Sensor& s
 }
 
 std::vector<std::shared_ptr<const models::System>> ObservedChannels::with_inputs(
-    const std::vector<std::shared_ptr<const models::InputSignal>>& signals, const models::Sensor& sensor) const {
+    const std::vector<std::shared_ptr<const models::InputSignal>>& signals, const models::Sensor& sensor,
+    const std::optional<InputDelay>& delay) const {
     require(signals.empty() || !system_.inputs().empty(), "model {} reads no measured inputs", system_.name());
     require_call(signals.size() == (system_.inputs().empty() ? 0 : series_.segments.size()),
                  "model {} reads measured inputs: {} signals for {} segments", system_.name(), signals.size(),
                  series_.segments.size());
     // Rounding of times is forgiven, as the flow does.
     constexpr double slack = 1e-12;
-    const double delay = sensor.type == models::Sensor::Type::angle_difference ? sensor.delay : 0.0;
+    const double second = sensor.type == models::Sensor::Type::angle_difference ? sensor.delay : 0.0;
     for (std::size_t s = 0; s < signals.size(); ++s) {
         const Segment& segment = series_.segments[s];
         if (segment.times.size() == 0) continue;
-        const double first = segment.times[0];
-        const double last = segment.times[segment.times.size() - 1] + delay;
+        const double first = segment.times[0] - (delay ? delay->upper : 0.0);
+        const double last = segment.times[segment.times.size() - 1] + second - (delay ? delay->lower : 0.0);
         const double room = slack * (std::abs(first) + std::abs(last));
         require(signals[s]->first_time() <= first + room && last <= signals[s]->last_time() + room,
-                "segment {}: the measured inputs cover [{}, {}] s, not the [{}, {}] s that are read", segment.label,
-                signals[s]->first_time(), signals[s]->last_time(), first, last);
+                "segment {}: the measured inputs cover [{}, {}] s, not the [{}, {}] s that are read{}", segment.label,
+                signals[s]->first_time(), signals[s]->last_time(), first, last,
+                delay ? fmt::format(" with delays in [{}, {}] s: choose narrower bounds, or a window that leaves out "
+                                    "the ends of the record",
+                                    delay->lower, delay->upper)
+                      : "");
     }
     std::vector<std::shared_ptr<const models::System>> systems;
     for (const auto& signal : signals)
         systems.push_back(system_.with_input(signal));
     return systems;
+}
+
+void ObservedChannels::check_delay(const InputDelay& delay, const models::ParameterBinding& binding,
+                                   const std::vector<std::shared_ptr<const models::InputSignal>>& signals,
+                                   const models::Sensor& sensor) const {
+    require_call(delay.parameter >= 0 && delay.parameter < std::ssize(system_.parameters()),
+                 "delay of the inputs: no such parameter of the model");
+    const std::string_view name = system_.parameters()[static_cast<std::size_t>(delay.parameter)].name;
+    require(!system_.inputs().empty(), "{}: model {} reads no inputs that could be delayed", name, system_.name());
+    require(std::isfinite(delay.lower) && std::isfinite(delay.upper),
+            "{}, the delay of the inputs, needs bounds on both sides: the inputs must cover what is read between them",
+            name);
+    if (delay_slopes(delay, binding).isZero(0.0)) return;
+    const bool held = std::any_of(signals.begin(), signals.end(), [](const auto& signal) {
+        return signal->interpolation() == models::InputSignal::Interpolation::held;
+    });
+    require(!held,
+            "{}, the delay of the inputs, cannot be estimated where they are held: an input that jumps has no "
+            "derivative by its delay; interpolate linearly, by cubics or band-limited",
+            name);
+    // Names of a formula: coordinates, parameters, inputs.
+    const std::size_t first_input = system_.coordinates().size() + system_.parameters().size();
+    for (const models::FunctionReading& reading : sensor.functions) {
+        const auto& used = reading.expression.used();
+        require(used.empty() || used.back() < first_input,
+                "{}, the delay of the inputs, cannot be estimated where a formula of the sensor reads an input", name);
+    }
 }
 
 double ObservedChannels::known_sd(const Segment& segment, Index row, Index sample) const {
@@ -130,6 +162,13 @@ estimator::Group ObservedChannels::group(const std::string& residual, Index coor
     group.factor = forms[place].known_sds;
     if (group.factor) group.unit = "1";
     return group;
+}
+
+Eigen::VectorXd delay_slopes(const std::optional<InputDelay>& delay, const models::ParameterBinding& binding) {
+    Eigen::VectorXd slopes = Eigen::VectorXd::Zero(std::ssize(binding.parameter));
+    for (std::size_t j = 0; j < binding.parameter.size(); ++j)
+        if (delay && binding.parameter[j] == delay->parameter) slopes[static_cast<Index>(j)] = 1.0;
+    return slopes;
 }
 
 Eigen::VectorXd frequency_slopes(const models::System& system, const models::ParameterBinding& binding) {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "models/system/system.hpp"
 #include "orbits/records/error_form.hpp"
 #include "orbits/records/series.hpp"
+#include "orbits/series_residuals/input_delay.hpp"
 #include "orbits/series_residuals/shooting_plan.hpp"
 
 namespace orbid::orbits {
@@ -51,7 +53,13 @@ public:
     /// The systems with their inputs, one per segment of the series; none for a model that reads no inputs. The inputs
     /// must cover what the sensor reads.
     [[nodiscard]] std::vector<std::shared_ptr<const models::System>> with_inputs(
-        const std::vector<std::shared_ptr<const models::InputSignal>>& signals, const models::Sensor& sensor) const;
+        const std::vector<std::shared_ptr<const models::InputSignal>>& signals, const models::Sensor& sensor,
+        const std::optional<InputDelay>& delay = std::nullopt) const;
+    /// Refuses a delay that cannot be: of a model without inputs, or estimated although inputs are held or the sensor
+    /// reads them, as its derivative would jump or lack a term.
+    void check_delay(const InputDelay& delay, const models::ParameterBinding& binding,
+                     const std::vector<std::shared_ptr<const models::InputSignal>>& signals,
+                     const models::Sensor& sensor) const;
     /// @return the known sd > 0 of a reading.
     double known_sd(const Segment& segment, Eigen::Index row, Eigen::Index sample) const;
     /// The errors of a coordinate. Their scale is found from the readings unless `scales` has one.
@@ -66,6 +74,10 @@ private:
     const models::System& system_;
     const Series& series_;
 };
+
+/// d delay / d(parameter) likewise: 1 for the parameter that is the delay of the inputs.
+[[nodiscard]] Eigen::VectorXd delay_slopes(const std::optional<InputDelay>& delay,
+                                           const models::ParameterBinding& binding);
 
 /// d omega / d(parameter) for the estimated parameters of a binding: 1 for the frequency of the forcing, else 0.
 [[nodiscard]] Eigen::VectorXd frequency_slopes(const models::System& system, const models::ParameterBinding& binding);

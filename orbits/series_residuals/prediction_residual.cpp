@@ -70,7 +70,8 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
 double PredictionResidual::amplify(estimator::ActiveSet& active, const VectorXd& theta) const {
     const VectorXd& sizes = options_.sizes;
     const std::span<const Index> none;
-    const auto made = predictions(systems_, binding_.values(theta), transitions_, none, clock_, options_.flow);
+    const auto made =
+        predictions(systems_, binding_.values(theta), transitions_, none, clock_, options_.flow, options_.delay);
     std::vector<double> changes;
     for (std::size_t t = 0; t < made.size(); ++t) {
         if (!made[t].ok) continue;  // as before
@@ -90,7 +91,8 @@ std::vector<estimator::BlockValue> PredictionResidual::evaluate(const estimator:
                                                                 bool derivatives) const {
     const std::optional<std::span<const Index>> free =
         derivatives ? std::optional<std::span<const Index>>(binding_.parameter) : std::nullopt;
-    const auto made = predictions(systems_, binding_.values(theta), transitions_, free, clock_, options_.flow);
+    const auto made =
+        predictions(systems_, binding_.values(theta), transitions_, free, clock_, options_.flow, options_.delay);
     const Index n = options_.sizes.size();
     std::vector<estimator::BlockValue> values(active.layout.size());
     for (std::size_t b = 0; b < values.size(); ++b) {
@@ -130,7 +132,8 @@ estimator::RefreshReport PredictionResidual::update_active_set(estimator::Active
 
 double PredictionResidual::misfit(const VectorXd& theta) const {
     constexpr double off = 0.02;  // of the sizes: what a model with parameters some per cent wrong leaves
-    const auto made = predictions(systems_, binding_.values(theta), transitions_, std::nullopt, clock_, options_.flow);
+    const auto made = predictions(systems_, binding_.values(theta), transitions_, std::nullopt, clock_, options_.flow,
+                                  options_.delay);
     double sum = 0.0;
     std::size_t count = 0;
     for (std::size_t t = 0; t < made.size(); ++t) {

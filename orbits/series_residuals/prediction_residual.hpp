@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct PredictionOptions {
     /// Sizes of the errors of the states relative to each other, shape (n), see error_sizes(); empty: 1 each.
     Eigen::VectorXd sizes;
     models::FlowOptions flow{1e-9, 1e-9, 20000};
+    std::optional<Eigen::Index> delay = {};  ///< the parameter that delays the inputs, see predictions()
 };
 
 /// Prediction over one interval with the nodes pinned to the data: only parameters, no latent states, no trajectory

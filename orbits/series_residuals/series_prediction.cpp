@@ -108,6 +108,11 @@ SegmentPrediction SeriesResidual::predict_one(const Eigen::VectorXd& all, const 
     prediction.rms = Eigen::VectorXd::Constant(std::ssize(observed_), std::numeric_limits<double>::quiet_NaN());
     prediction.normalised_rms = std::numeric_limits<double>::quiet_NaN();
     if (now.status != estimator::BlockStatus::ok) return prediction;
+    for (Eigen::Index r = 0; r < now.e.size(); ++r) {
+        const auto at = static_cast<std::size_t>(r);
+        if (block.group[at] < std::ssize(observed_) && block.records[at].sample >= 0)
+            prediction.readings.push_back({block.group[at], block.records[at].sample, block.observed[r], now.e[r]});
+    }
     double total = 0.0;
     std::size_t records = 0;
     for (Eigen::Index i = 0; i < std::ssize(observed_); ++i) {

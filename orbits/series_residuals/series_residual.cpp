@@ -58,8 +58,8 @@ Eigen::VectorXd SeriesResidual::guess(std::size_t segment, const Eigen::VectorXd
         known.values.bottomRows(1) = data.values.row(row);
         coordinates.push_back(index);
     }
-    const double phase = series_.phase + phase_rate(*system_, all) * data.times[0];
-    Eigen::VectorXd x = initial_state(system_of(segment), all, {known, coordinates, options_.sensor, phase});
+    Eigen::VectorXd x =
+        initial_state(system_of(segment), all, {known, coordinates, options_.sensor, phase(all, data.times[0])});
     for (std::size_t i = 0; i < options_.initial.size(); ++i) {
         const InitialStateRule& rule = options_.initial[i];
         if (rule.kind == InitialStateRule::Kind::fixed)
@@ -101,22 +101,28 @@ std::vector<BlockValue> SeriesResidual::evaluate(const estimator::ActiveSet& act
 
 /// The first phase is series.phase + omega t_first. Beginning later by dt in the same state leads to
 /// x(t) + [f(x(t)) - X f(x0)] dt: the solution shifted in time, and X carries back what the state should have moved.
-/// Per unit of omega dt = t_first / omega.
-void SeriesResidual::add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
-                                     const Eigen::VectorXd& x0, models::FlowResult& flow) const {
-    if (first_time == 0.0 || system_->kind() != models::Kind::forced) return;
-    const Eigen::VectorXd slopes = frequency_slopes(*system_, binding_);
-    if (slopes.isZero(0.0)) return;
+/// Per unit of omega dt = t_first / omega, per second of a delay of the inputs -1.
+void SeriesResidual::add_phase_shift(const Eigen::VectorXd& all, const models::System& system, double first_time,
+                                     std::span<const double> phases, const Eigen::VectorXd& x0,
+                                     models::FlowResult& flow) const {
+    Eigen::VectorXd shifts = -delay_slopes(options_.delay, binding_);
+    if (system_->kind() == models::Kind::forced)
+        shifts += first_time / phase_rate(*system_, all) * frequency_slopes(*system_, binding_);
+    if (shifts.isZero(0.0)) return;
     const Eigen::Index n = system_->dimension();
-    const Eigen::Index directions = n + slopes.size();
-    const double shift = first_time / phase_rate(*system_, all);
-    const Eigen::VectorXd f0 = system_->rhs(x0, phases.first(1), all);
-    const Eigen::MatrixXd f = system_->rhs(flow.states, phases, all);
+    const Eigen::Index directions = n + shifts.size();
+    const Eigen::VectorXd f0 = system.rhs(x0, phases.first(1), all);
+    const Eigen::MatrixXd f = system.rhs(flow.states, phases, all);
     for (Eigen::Index k = 0; k < f.cols(); ++k) {
         auto s = flow.sensitivities.middleCols(k * directions, directions);
-        const Eigen::VectorXd moved = shift * (f.col(k) - s.leftCols(n) * f0);
-        s.rightCols(slopes.size()) += moved * slopes.transpose();
+        const Eigen::VectorXd moved = f.col(k) - s.leftCols(n) * f0;
+        s.rightCols(shifts.size()) += moved * shifts.transpose();
     }
+}
+
+double SeriesResidual::phase(const Eigen::VectorXd& all, double time) const {
+    const double delay = options_.delay ? all[options_.delay->parameter] : 0.0;
+    return series_.phase + phase_rate(*system_, all) * time - delay;
 }
 
 BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all, const Eigen::VectorXd& x0,
@@ -127,11 +133,10 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
     const Segment& data = series_.segments[block.segment];
     const auto samples = static_cast<std::size_t>(data.times.size());
     const double first = data.times[0];
-    const double frequency = phase_rate(*system_, all);
     std::vector<double> durations(samples), phases(samples);
     for (std::size_t k = 0; k < samples; ++k) {
         durations[k] = data.times[static_cast<Eigen::Index>(k)] - first;
-        phases[k] = series_.phase + frequency * data.times[static_cast<Eigen::Index>(k)];
+        phases[k] = phase(all, data.times[static_cast<Eigen::Index>(k)]);
     }
     const std::span<const Eigen::Index> free(binding_.parameter);
     const models::System& system = system_of(block.segment);
@@ -139,7 +144,7 @@ BlockValue SeriesResidual::value(const Block& block, const Eigen::VectorXd& all,
                                                              options_.flow)
                             : system.flow(x0, phases[0], durations, all, models::Clock::time, options_.flow);
     if (flow.status != models::FlowStatus::ok) return failed;
-    if (derivatives) add_phase_shift(all, first, phases, x0, flow);
+    if (derivatives) add_phase_shift(all, system, first, phases, x0, flow);
     const auto read =
         system.readings(options_.sensor, flow.states, phases, all,
                         derivatives ? std::optional<std::span<const Eigen::Index>>(free) : std::nullopt, options_.flow);

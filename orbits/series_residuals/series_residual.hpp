@@ -13,6 +13,7 @@
 #include "models/system/system.hpp"
 #include "orbits/records/error_form.hpp"
 #include "orbits/records/series.hpp"
+#include "orbits/series_residuals/input_delay.hpp"
 
 #pragma GCC visibility push(default)
 
@@ -51,6 +52,7 @@ struct SeriesResidualOptions {
     std::vector<std::shared_ptr<const models::InputSignal>> inputs;
     Eigen::VectorXd start;  ///< estimator's parameters for the guess of initial states; empty = base
     models::FlowOptions flow;
+    std::optional<InputDelay> delay = {};  ///< of the inputs, which are given undelayed
 };
 
 /// How well a model predicts a segment.
@@ -60,6 +62,13 @@ struct SegmentPrediction {
     Eigen::VectorXd state;        ///< shape (n): the initial state, fitted to this segment where it is free
     Eigen::VectorXd rms;          ///< per observed coordinate, in its unit; nan without samples
     double normalised_rms = 0.0;  ///< of all records, each divided by the sd of its error
+    struct Reading {
+        Eigen::Index channel = 0;  ///< index into the observed coordinates
+        Eigen::Index sample = 0;   ///< column of the segment
+        double value = 0.0;
+        double error = 0.0;  ///< value minus prediction
+    };
+    std::vector<Reading> readings{};  ///< all of the segment; none where it could not be simulated
 };
 
 /// A sampled series minus its prediction from one initial state per segment (single shooting).
@@ -73,7 +82,8 @@ struct SegmentPrediction {
 /// ("<name>.<coordinate>", ordered in time), then one per normal prior ("<name>.initial.<coordinate>", scale fixed).
 /// Known sds of readings become BlockLayout::deviation.
 ///
-/// Models with measured inputs are simulated on the clock of the series' times; their series.phase is 0.
+/// Models with measured inputs are simulated on the clock of the series' times; their series.phase is 0. A delay of the
+/// inputs may be a parameter, see InputDelay.
 ///
 /// Forced models: the phase at time t is series.phase + omega t. When omega is estimated and a segment does not begin
 /// at time 0, its first phase depends on omega. The derivatives for the state sensor include this. A difference
@@ -177,8 +187,10 @@ private:
     /// e, e_theta, and e_z with respect to the whole initial state.
     [[nodiscard]] estimator::BlockValue value(const Block& block, const Eigen::VectorXd& all, const Eigen::VectorXd& x0,
                                               bool derivatives) const;
-    void add_phase_shift(const Eigen::VectorXd& all, double first_time, std::span<const double> phases,
-                         const Eigen::VectorXd& x0, models::FlowResult& flow) const;
+    void add_phase_shift(const Eigen::VectorXd& all, const models::System& system, double first_time,
+                         std::span<const double> phases, const Eigen::VectorXd& x0, models::FlowResult& flow) const;
+    /// Phase at a time: of the forcing, or on the clock of the inputs.
+    [[nodiscard]] double phase(const Eigen::VectorXd& all, double time) const;
     /// Fits the coordinates of x0 that are not fixed to a block. @return the block's value there.
     [[nodiscard]] estimator::BlockValue fit_state(const Block& block, const Eigen::VectorXd& all,
                                                   const Eigen::VectorXd& scales, const Eigen::VectorXd& relative,

@@ -124,7 +124,14 @@ void SeriesResidual::check_covariances() const {
 }
 
 void SeriesResidual::give_inputs() {
-    with_inputs_ = channels().with_inputs(options_.inputs, options_.sensor);
+    if (options_.delay) {
+        channels().check_delay(*options_.delay, binding_, options_.inputs, options_.sensor);
+        require(options_.sensor.type != models::Sensor::Type::angle_difference ||
+                    delay_slopes(options_.delay, binding_).isZero(0.0),
+                "the delay of the inputs cannot be estimated with an angle_difference sensor over whole segments: its "
+                "reading depends on the delay; use nodes");
+    }
+    with_inputs_ = channels().with_inputs(options_.inputs, options_.sensor, options_.delay);
 }
 
 void SeriesResidual::choose_coordinates() {

@@ -150,7 +150,8 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     for (std::size_t k = 0; k < chunk.nodes.size(); ++k) {
         const PlannedNode& node = data.plan.nodes[chunk.nodes[k]];
         starts.col(static_cast<Index>(k)) = latents[chunk.nodes[k]];
-        phases[k] = phase_at(system, all, data.series, data.series.segments[node.segment], node.sample);
+        phases[k] =
+            phase_at(system, all, data.series, data.series.segments[node.segment], node.sample) - data.later(all);
     }
     const std::optional<std::span<const Index>> free =
         derivatives ? std::optional<std::span<const Index>>(data.binding.parameter) : std::nullopt;
@@ -177,9 +178,10 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
         }
     }
     result.read = system.readings(data.instant_sensor, result.states, instant_phases, all, free, data.options.flow);
-    // What an estimated frequency moves beside the flow: the phase of a node at a time, the instant of a second
-    // reading.
-    if (derivatives && !data.omega_slopes.isZero(0.0)) result.rates = system.rhs(result.states, instant_phases, all);
+    // What an estimated frequency or delay moves beside the flow: the phase of a node at a time, the instant of a
+    // second reading.
+    const bool moves = !data.omega_slopes.isZero(0.0) || !data.delay_slopes.isZero(0.0);
+    if (derivatives && moves) result.rates = system.rhs(result.states, instant_phases, all);
     return result;
 }
 
@@ -193,15 +195,17 @@ MatrixXd ShootingResidual::sensitivity(const Simulated& run, Index k, std::size_
         run.flows[static_cast<std::size_t>(k)].sensitivity(run.place[static_cast<std::size_t>(instant)], d);
     if (run.rates.size() == 0) return result;
     const auto rate = run.rates.col(run.column(k, instant));
+    // Beginning later by dt in the same state leads to x(t) + [f(x(t)) - X f(x0)] dt.
+    const VectorXd later = rate - result.leftCols(n) * run.rates.col(run.column(k, -1));
+    if (!data.delay_slopes.isZero(0.0)) result.rightCols(d - n) -= later * data.delay_slopes.transpose();
     VectorXd moved = VectorXd::Zero(n);
     if (data.plan.clock == models::Clock::phase) {
         if (run.pattern->instants[static_cast<std::size_t>(instant)].delayed)
             moved = data.options.sensor.delay / run.omega * rate;
     } else if (data.series.sampling == Series::Sampling::samples) {
-        // Beginning later by dt in the same state leads to x(t) + [f(x(t)) - X f(x0)] dt.
         const PlannedNode& at = data.plan.nodes[node];
         const double shift = data.series.segments[at.segment].times[at.sample] / run.omega;
-        moved = shift * (rate - result.leftCols(n) * run.rates.col(run.column(k, -1)));
+        moved = shift * later;
     }
     result.rightCols(d - n) += moved * data.omega_slopes.transpose();
     return result;

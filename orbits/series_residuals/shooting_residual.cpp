@@ -7,6 +7,7 @@
 #include "models/arithmetic/median.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/simulation/node_state.hpp"
+#include "orbits/simulation/state_track.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::orbits {
@@ -27,23 +28,55 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     auto data = read(std::move(system), std::move(binding), std::move(series), std::move(options));
     const VectorXd all =
         data->options.start.size() > 0 ? data->binding.values(data->options.start) : data->binding.base;
-    data->interval = data->options.interval > 0 ? data->options.interval
-                                                : shooting_interval(data->systems, all, data->series,
-                                                                    data->options.sensor, data->options.segments);
+    if (data->options.nodes.empty() && needs_tracking(data->system(), data->series, data->options.sensor))
+        follow_states(*data, all);
+    data->interval = data->options.interval > 0
+                         ? data->options.interval
+                         : shooting_interval(data->systems, data->tracks.empty() ? all : data->track_theta,
+                                             data->series, data->options.sensor, data->options.segments, data->tracks);
     data->plan = plan_shooting(data->system(), data->series, data->options.segments, data->observed,
                                data->options.sensor, data->interval);
     data_ = data;
-    check_matching();
     guess_nodes(all);
-    MatrixXd states(data->system().dimension(), std::ssize(initial_.latents));
-    for (std::size_t b = 0; b < initial_.latents.size(); ++b)
-        states.col(static_cast<Index>(b)) = initial_.latents[b];
-    data->range = coordinate_range(data->system(), data->series, states);
-    for (const ObservedCoordinate& o : data->observed)
-        if (o.group == std::ssize(data->reading_range)) data->reading_range.push_back(data->range[o.coordinate]);
+    take_ranges(*data);
+    check_matching();
     make_groups();
     make_layout();
     begin_matching(start_theta());
+}
+
+/// States of all segments, where readings do not tell them one by one.
+void ShootingResidual::follow_states(Data& data, const VectorXd& all) {
+    data.tracks.resize(data.series.segments.size());
+    data.track_sd = VectorXd::Zero(data.series.dimension());
+    std::vector<Index> free = data.binding.parameter;
+    if (data.options.delay) std::erase(free, data.options.delay->parameter);
+    for (const std::size_t s : data.options.segments) {
+        const models::System& system = *data.systems[data.systems.size() == 1 ? 0 : s];
+        StateTrack track =
+            track_states(system, all, data.series, s, data.options.sensor, data.options.first_state, free);
+        if (data.track_theta.size() == 0) data.track_theta = track.theta;
+        data.tracks[s] = std::move(track.states);
+        data.track_sd = data.track_sd.cwiseMax(track.reading_sd);
+    }
+}
+
+/// Sizes of the coordinates and of what is read in their place.
+void ShootingResidual::take_ranges(Data& data) {
+    const models::System& system = data.system();
+    MatrixXd states(system.dimension(), std::ssize(initial_.latents));
+    for (std::size_t b = 0; b < initial_.latents.size(); ++b)
+        states.col(static_cast<Index>(b)) = initial_.latents[b];
+    const models::Sensor& sensor = data.options.sensor;
+    const bool formulas = sensor.type == models::Sensor::Type::function;
+    data.range = formulas ? state_range(system, states) : coordinate_range(system, data.series, states);
+    const VectorXd read = data.series.scale();
+    for (const ObservedCoordinate& o : data.observed) {
+        if (o.group != std::ssize(data.reading_range)) continue;
+        const bool formula = models::reading_function(sensor, static_cast<std::size_t>(o.coordinate)) != nullptr;
+        data.reading_range.push_back(formula ? read[o.row] : data.range[o.coordinate]);
+    }
+    if (matching_.share > 0.0) matching_.sd = matching_.share * data.range;
 }
 
 void ShootingResidual::guess_nodes(const VectorXd& all) {
@@ -56,7 +89,9 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
         for (std::size_t i = b; i < plan.nodes.size() && plan.nodes[i].segment == s; ++i)
             samples.push_back(plan.nodes[i].sample);
         MatrixXd states;
-        if (data.options.nodes.empty()) {
+        if (!data.tracks.empty()) {
+            states = data.tracks[s](Eigen::all, samples);
+        } else if (data.options.nodes.empty()) {
             states = node_states(system_of(s), all, data.series, s, data.options.sensor, samples);
         } else {
             states = data.options.nodes.size() > f ? data.options.nodes[f] : MatrixXd();
@@ -100,6 +135,14 @@ VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     const Data& data = *data_;
     const auto groups = std::ssize(data.reading_range);
     VectorXd noise = VectorXd::Zero(groups);
+    if (!data.tracks.empty()) {
+        // No state is known without the model: what its states at the start missed, one sample ahead.
+        for (const ObservedCoordinate& o : data.observed)
+            noise[o.group] = data.track_sd[o.row] / data.reading_range[static_cast<std::size_t>(o.group)];
+        return noise;
+    }
+    // Nor are states known where nodes between readings by formulas are given.
+    if (data.options.sensor.type == models::Sensor::Type::function) return noise;
     constexpr std::size_t looks = 500;
     const auto starts = transitions(data.systems, all, data.series, data.options.sensor, data.options.segments,
                                     data.interval, looks, 0);
@@ -184,8 +227,10 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     // the readings, and predictions from one reading to the next tell more.
     constexpr double tight = 0.1;
     VectorXd& memory = active.memory.front();
-    if (memory[tightness] < tight * memory[reading_noise])
-        read_scales(active, theta, latents);
+    const bool loose = !(memory[tightness] < tight * memory[reading_noise]);
+    const bool known_states = data_->tracks.empty() && data_->options.sensor.type != models::Sensor::Type::function;
+    if (!loose || !known_states)
+        read_scales(active, theta, latents, loose);
     else
         predict_scales(active, theta);
     find_noise(active);
@@ -209,9 +254,10 @@ void ShootingResidual::predict_scales(estimator::ActiveSet& active, const Vector
     }
 }
 
-/// The same from their residuals.
+/// The same from their residuals. While matching is loose, nodes take as many readings as they have coordinates.
 void ShootingResidual::read_scales(estimator::ActiveSet& active, const VectorXd& theta,
-                                   const std::vector<VectorXd>& latents) const {
+                                   const std::vector<VectorXd>& latents, bool loose) const {
+    constexpr double least_freedom = 0.2;  // of the readings: fewer tell no scale
     std::vector<std::vector<double>> sizes(data_->reading_range.size());
     const auto values = evaluate(active, theta, latents, false);
     for (std::size_t b = 0; b < values.size(); ++b) {
@@ -221,10 +267,19 @@ void ShootingResidual::read_scales(estimator::ActiveSet& active, const VectorXd&
             sizes[static_cast<std::size_t>(readings[r].group)].push_back(std::abs(values[b].e[static_cast<Index>(r)]) /
                                                                          readings[r].deviation);
     }
+    double readings = 0.0;
+    for (const auto& of_group : sizes)
+        readings += static_cast<double>(of_group.size());
+    const double nodes = static_cast<double>(values.size()) * static_cast<double>(data_->system().dimension());
+    const double freedom = readings > 0.0 ? 1.0 - nodes / readings : 0.0;
     for (std::size_t g = 0; g < sizes.size(); ++g) {
         estimator::Group& group = active.groups[g];
-        if (group.scale.estimate && !sizes[g].empty())
-            group.scale.value = std::max(group.floor, normal_median * models::upper_median(std::move(sizes[g])));
+        if (!group.scale.estimate || sizes[g].empty()) continue;
+        const double told = normal_median * models::upper_median(std::move(sizes[g]));
+        if (!loose)
+            group.scale.value = std::max(group.floor, told);
+        else if (freedom > least_freedom)
+            group.scale.value = std::max(group.floor, std::min(group.scale.value, told / std::sqrt(freedom)));
     }
 }
 

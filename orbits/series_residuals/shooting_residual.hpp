@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "orbits/records/error_form.hpp"
 #include "orbits/records/series.hpp"
 #include "orbits/series_residuals/continuity.hpp"
+#include "orbits/series_residuals/input_delay.hpp"
 #include "orbits/series_residuals/shooting_plan.hpp"
 
 #pragma GCC visibility push(default)
@@ -36,6 +38,10 @@ struct ShootingOptions {
     std::vector<Eigen::MatrixXd> nodes;  ///< known nodes per fitted segment, shape (n, nodes); empty: from the data
     /// The highest accuracy used; in loose stages a small share of the matching sd is enough.
     models::FlowOptions flow{1e-12, 1e-12, 100000};
+    /// Where states must be followed (needs_tracking()): what is known of the first one of each segment, shape (n), nan
+    /// where nothing is; empty: nothing at all.
+    Eigen::VectorXd first_state = {};
+    std::optional<InputDelay> delay = {};  ///< of the inputs, which are given undelayed
 };
 
 /// The recorded series itself by multiple shooting (Bock 1987, Baake 1992): nodes s_i along every segment,
@@ -52,6 +58,9 @@ struct ShootingOptions {
 /// Phases of nodes are that of the section, or series.phase + omega t; derivatives to an estimated omega are complete
 /// in both. A failed flow (as in grazing) fails only its own block. A transient that ends in standstill keeps its tail:
 /// the flow sticks there and X is singular, but the readings still count.
+///
+/// Readings by formulas (Sensor::Type::function) and those of few coordinates do not tell the state at a node. There
+/// the nodes are followed along the record at the start, see track_states().
 ///
 /// Continuity begins loose, at the root mean square defect of the nodes guessed from the data. update_active_set()
 /// tightens it. Sets are intermediate stages until the requested tightness is reached.
@@ -125,8 +134,19 @@ private:
         Eigen::Index interval = 1;
         Eigen::VectorXd range;
         std::vector<double> reading_range;  ///< per group of readings
+        /// States at all samples of each segment, where they are followed, and the sds of predictions from them, per
+        /// row of the series; else empty.
+        std::vector<Eigen::MatrixXd> tracks;
+        Eigen::VectorXd track_sd;
+        Eigen::VectorXd track_theta;  ///< parameters that suit the first of them
         ShootingPlan plan;
         Eigen::VectorXd omega_slopes;  ///< d omega / d(parameter), per parameter of the binding
+        Eigen::VectorXd delay_slopes;  ///< d delay / d(parameter) likewise; the series' phase is minus the start's
+
+        /// By how much the clock of the inputs is earlier than at the start.
+        [[nodiscard]] double later(const Eigen::VectorXd& all) const {
+            return options.delay ? all[options.delay->parameter] + series.phase : 0.0;
+        }
 
         [[nodiscard]] const models::System& system() const { return *systems.front(); }
     };
@@ -138,7 +158,9 @@ private:
 
     static std::shared_ptr<Data> read(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                                       Series series, ShootingOptions options);
+    static void follow_states(Data& data, const Eigen::VectorXd& all);
     void check_matching() const;
+    void take_ranges(Data& data);
     void guess_nodes(const Eigen::VectorXd& all);
     void make_groups();
     void make_layout();
@@ -147,7 +169,7 @@ private:
     void find_noise(estimator::ActiveSet& active) const;
     void predict_scales(estimator::ActiveSet& active, const Eigen::VectorXd& theta) const;
     void read_scales(estimator::ActiveSet& active, const Eigen::VectorXd& theta,
-                     const std::vector<Eigen::VectorXd>& latents) const;
+                     const std::vector<Eigen::VectorXd>& latents, bool loose) const;
     [[nodiscard]] models::FlowOptions stage_flow(const estimator::ActiveSet& active) const;
     [[nodiscard]] Eigen::VectorXd start_theta() const;
     [[nodiscard]] Eigen::VectorXd predicted_noise(const Eigen::VectorXd& all) const;

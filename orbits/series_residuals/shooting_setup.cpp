@@ -116,7 +116,16 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     data->instant_sensor = options.sensor;
     if (options.sensor.type == models::Sensor::Type::angle_difference)
         data->instant_sensor.type = models::Sensor::Type::state;
-    data->systems = channels.with_inputs(options.inputs, options.sensor);
+    if (options.delay) {
+        channels.check_delay(*options.delay, binding, options.inputs, options.sensor);
+        // Starts of nodes are those of the delay at the start. What a phase adds to the clock goes into the times.
+        for (Segment& segment : series.segments)
+            segment.times.array() += series.phase;
+        const VectorXd start = options.start.size() > 0 ? binding.values(options.start) : binding.base;
+        series.phase = -start[options.delay->parameter];
+    }
+    data->systems = channels.with_inputs(options.inputs, options.sensor, options.delay);
+    data->delay_slopes = delay_slopes(options.delay, binding);
     if (options.inputs.empty()) data->systems.push_back(system);
     data->omega_slopes = frequency_slopes(*system, binding);
     data->binding = std::move(binding);

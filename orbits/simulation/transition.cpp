@@ -62,7 +62,7 @@ std::vector<Transition> transitions(const models::System& system, const VectorXd
 std::vector<Transition> transitions(std::span<const std::shared_ptr<const models::System>> systems,
                                     const VectorXd& theta, const Series& series, const models::Sensor& sensor,
                                     const std::vector<std::size_t>& segments, Index interval, std::size_t count,
-                                    std::uint64_t seed) {
+                                    std::uint64_t seed, std::span<const MatrixXd> known) {
     const models::Clock clock = transition_clock(*systems.front(), series);
     std::vector<std::size_t> chosen_segments = segments;
     if (segments.empty())
@@ -92,11 +92,12 @@ std::vector<Transition> transitions(std::span<const std::shared_ptr<const models
         samples.erase(std::unique(samples.begin(), samples.end()), samples.end());
         // States that the readings do not say are left to the flow by node_states(): of no use here.
         const auto readable = [&](Index k) {
-            if (data.times.size() > 0) return true;
+            if (data.times.size() > 0 || !known.empty()) return true;
             return data.values.col(k).allFinite();
         };
         const models::System& system = *systems[systems.size() == 1 ? 0 : s];
-        const MatrixXd states = node_states(system, theta, series, s, sensor, samples);
+        const MatrixXd states = known.empty() ? node_states(system, theta, series, s, sensor, samples)
+                                              : MatrixXd(known[s](Eigen::all, samples));
         const auto state = [&](Index k) {
             return states.col(std::lower_bound(samples.begin(), samples.end(), k) - samples.begin());
         };
@@ -118,7 +119,7 @@ std::vector<Transition> transitions(std::span<const std::shared_ptr<const models
 std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models::System>> systems,
                                     const VectorXd& theta, const std::vector<Transition>& transitions,
                                     std::optional<std::span<const Index>> free, models::Clock clock,
-                                    const models::FlowOptions& flow) {
+                                    const models::FlowOptions& flow, std::optional<Index> delay) {
     const auto size = transitions.size();
     std::vector<Prediction> result(size);
     if (size == 0 || !in_domain(*systems.front(), theta)) return result;
@@ -144,7 +145,7 @@ std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models
         std::vector<double> phases(group.size());
         for (std::size_t k = 0; k < group.size(); ++k) {
             starts.col(static_cast<Index>(k)) = transitions[group[k]].from;
-            phases[k] = transitions[group[k]].phase;
+            phases[k] = transitions[group[k]].phase - (delay ? theta[*delay] : 0.0);
         }
         const std::array<double, 1> duration{transitions[group.front()].duration};
         const auto flows = system.flows(starts, phases, duration, theta, free, clock, flow);
@@ -158,6 +159,13 @@ std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models
             if (!free) continue;
             p.by_x = flows[k].sensitivities.leftCols(n);
             p.by_free = flows[k].sensitivities.rightCols(static_cast<Index>(free->size()));
+            const auto at = delay ? std::find(free->begin(), free->end(), *delay) : free->end();
+            if (at == free->end()) continue;
+            const std::array<double, 2> ends{phases[k], phases[k] + duration[0]};
+            MatrixXd states(n, 2);
+            states << starts.col(static_cast<Index>(k)), flows[k].states.col(0);
+            const MatrixXd f = system.rhs(states, ends, theta);
+            p.by_free.col(at - free->begin()) -= f.col(1) - p.by_x * f.col(0);
         }
     });
     return result;
@@ -188,14 +196,21 @@ VectorXd prediction_noise(const std::vector<Prediction>& predictions, const Vect
 
 VectorXd coordinate_range(const models::System& system, const Series& series, const MatrixXd& states) {
     const VectorXd scale = series.scale();
-    VectorXd range = VectorXd::Zero(system.dimension());
+    VectorXd range = state_range(system, states);
     for (Index row = 0; row < series.dimension(); ++row) {
         const Index i = system.coordinate_index(series.coordinate(row).name);
-        if (i >= 0) range[i] = scale[row];
+        if (i >= 0 && !system.coordinates()[static_cast<std::size_t>(i)].angle) range[i] = scale[row];
     }
+    return range;
+}
+
+VectorXd state_range(const models::System& system, const MatrixXd& states) {
+    VectorXd range(system.dimension());
     for (Index i = 0; i < range.size(); ++i) {
-        if (system.coordinates()[static_cast<std::size_t>(i)].angle) range[i] = 2.0 * std::numbers::pi;
-        if (range[i] > 0.0) continue;
+        if (system.coordinates()[static_cast<std::size_t>(i)].angle) {
+            range[i] = 2.0 * std::numbers::pi;
+            continue;
+        }
         double lowest = std::numeric_limits<double>::infinity();
         double highest = -lowest;
         for (Index k = 0; k < states.cols(); ++k) {
@@ -209,7 +224,8 @@ VectorXd coordinate_range(const models::System& system, const Series& series, co
 }
 
 Index shooting_interval(std::span<const std::shared_ptr<const models::System>> systems, const VectorXd& theta,
-                        const Series& series, const models::Sensor& sensor, const std::vector<std::size_t>& segments) {
+                        const Series& series, const models::Sensor& sensor, const std::vector<std::size_t>& segments,
+                        std::span<const MatrixXd> known) {
     if (series.sampling == Series::Sampling::section) return 1;
     constexpr std::size_t looks = 100;
     const models::System& system = *systems.front();
@@ -217,12 +233,12 @@ Index shooting_interval(std::span<const std::shared_ptr<const models::System>> s
     for (const std::size_t s : segments)
         longest = std::max(longest, series.segments[s].values.cols() - 1);
     const auto fits = [&](Index interval) {
-        const auto starts = transitions(systems, theta, series, sensor, segments, interval, looks, 0);
+        const auto starts = transitions(systems, theta, series, sensor, segments, interval, looks, 0, known);
         if (starts.empty()) return false;
         MatrixXd states(system.dimension(), std::ssize(starts));
         for (std::size_t k = 0; k < starts.size(); ++k)
             states.col(static_cast<Index>(k)) = starts[k].from;
-        const VectorXd range = coordinate_range(system, series, states);
+        const VectorXd range = known.empty() ? coordinate_range(system, series, states) : state_range(system, states);
         std::vector<double> growth, error;
         const std::span<const Index> none;
         for (const Prediction& p :

@@ -36,11 +36,13 @@ struct Transition {
                                                   std::size_t count, std::uint64_t seed);
 
 /// The same with one system per segment of the series, each with its measured inputs, or one in all.
+/// @param known  states at all samples of every segment (track_states()), shape (n, samples); none: from the readings.
 [[nodiscard]] std::vector<Transition> transitions(std::span<const std::shared_ptr<const models::System>> systems,
                                                   const Eigen::VectorXd& theta, const Series& series,
                                                   const models::Sensor& sensor,
                                                   const std::vector<std::size_t>& segments, Eigen::Index interval,
-                                                  std::size_t count, std::uint64_t seed);
+                                                  std::size_t count, std::uint64_t seed,
+                                                  std::span<const Eigen::MatrixXd> known = {});
 
 /// The error of a predicted transition: to - Phi(from), angles wrapped, and derivatives of Phi.
 struct Prediction {
@@ -52,11 +54,14 @@ struct Prediction {
 
 /// Predictions of all transitions. With measured inputs `systems` has one system per segment of the series, otherwise
 /// one in all. Parallel, with the same bytes for any number of threads.
+/// @param delay  parameter that is the delay of the inputs: flows begin so much earlier on their clock than the phases
+///               of the transitions say, and derivatives with respect to it are complete.
 [[nodiscard]] std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models::System>> systems,
                                                   const Eigen::VectorXd& theta,
                                                   const std::vector<Transition>& transitions,
                                                   std::optional<std::span<const Eigen::Index>> free,
-                                                  models::Clock clock, const models::FlowOptions& flow);
+                                                  models::Clock clock, const models::FlowOptions& flow,
+                                                  std::optional<Eigen::Index> delay = std::nullopt);
 
 /// Sizes of the errors of states from readings, relative to each other, shape (n): the ranges; of a difference quotient
 /// sqrt 2 / delay times that of its angle.
@@ -74,6 +79,9 @@ struct Prediction {
 [[nodiscard]] Eigen::VectorXd coordinate_range(const models::System& system, const Series& series,
                                                const Eigen::MatrixXd& states);
 
+/// The same of what states span alone: where readings are no states.
+[[nodiscard]] Eigen::VectorXd state_range(const models::System& system, const Eigen::MatrixXd& states);
+
 /// Sampling intervals from node to node such that errors of a node grow by no more than a factor e (the spectral norm
 /// of X, coordinates in units of their ranges), and predictions from the states that the data say stay within a fifth
 /// of the range; both in nine of ten places of the record and at the given parameters. 1 for sections.
@@ -82,8 +90,10 @@ struct Prediction {
 ///
 /// @param systems  one per segment of the series, each with its measured inputs, or one in all.
 /// @param theta    shape (q), all parameters of the system.
+/// @param known    as in transitions().
 [[nodiscard]] Eigen::Index shooting_interval(std::span<const std::shared_ptr<const models::System>> systems,
                                              const Eigen::VectorXd& theta, const Series& series,
-                                             const models::Sensor& sensor, const std::vector<std::size_t>& segments);
+                                             const models::Sensor& sensor, const std::vector<std::size_t>& segments,
+                                             std::span<const Eigen::MatrixXd> known = {});
 
 }  // namespace orbid::orbits

@@ -76,6 +76,7 @@ private:
             // A branch has two points or more.
             if (!result_.points.empty() && options_.interrupted && options_.interrupted())
                 return BranchEnd::interrupted;
+            if (options_.progress) options_.progress(result_.points.size(), here_.parameter());
             step_ = std::min(step_, options_.largest_step);
             if (!(step_ >= options_.smallest_step))
                 return simulated_ ? BranchEnd::smallest_step : BranchEnd::not_simulated;

@@ -37,6 +37,8 @@ struct ContinuationOptions {
     double longest = 1e6;                 ///< T [s] beyond which a branch of an autonomous flow ends
     std::function<bool()> interrupted{};  ///< asked before every step; empty: never
     ShootingOptions solver{};
+    /// Called before every step with the points of this way along the branch so far, and the parameter; empty: never.
+    std::function<void(std::size_t points, double parameter)> progress{};
 };
 
 struct BifurcationDiagram {

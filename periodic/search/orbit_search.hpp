@@ -57,6 +57,8 @@ struct OrbitSearchOptions {
     std::vector<std::string> codes{};     ///< words that are looked for besides (their lengths join `periods`)
     std::function<bool()> interrupted{};  ///< called between batches of starts; empty: never
     ShootingOptions solver{};
+    /// Called after every batch of starts with those so far and the orbits found; empty: never.
+    std::function<void(std::size_t starts, std::size_t orbits)> progress{};
 };
 
 /// A prime periodic orbit that was found.

@@ -87,6 +87,7 @@ void StartSearch::solve(std::size_t count, StartOrigin origin, const std::functi
             ++idle;
             if (points.cols() > 0 && list_.add(points, origin, options_.symmetry)) idle = 0;
         }
+        if (options_.progress) options_.progress(starts_, list_.orbits().size());
         if (idle >= options_.patience && 4 * idle >= done + size) return;
     }
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 #include <variant>
 
@@ -84,10 +85,11 @@ BranchResidual::BranchResidual(std::shared_ptr<const models::System> system, std
 void BranchResidual::check_channels() const {
     const auto& channels = options_.channels;
     require_call(!channels.empty(), "at least one channel is needed");
+    const Index readings = system_->dimension() + std::ssize(options_.readings);
     for (auto channel = channels.begin(); channel != channels.end(); ++channel) {
-        require_call(channel->coordinate >= 0 && channel->coordinate < system_->dimension(),
-                     fmt::format("channel of coordinate {}: model {} has {}", channel->coordinate, system_->name(),
-                                 system_->dimension()));
+        require_call(channel->coordinate >= 0 && channel->coordinate < readings,
+                     fmt::format("channel of coordinate {}: model {} has {}, formulas included", channel->coordinate,
+                                 system_->name(), readings));
         require_call(std::none_of(channels.begin(), channel, [&](const auto& other) { return same(other, *channel); }),
                      fmt::format("{} of coordinate {} is measured by two channels", name_of(channel->measure),
                                  channel->coordinate));
@@ -129,15 +131,22 @@ void BranchResidual::check_orbit(const MeasuredOrbit& orbit) const {
     }
 }
 
+std::pair<std::string, std::string> BranchResidual::quantity(const BranchChannel& channel) const {
+    const std::string& measure = name_of(channel.measure);
+    if (channel.measure == OrbitMeasure::frequency) return {measure, "Hz"};
+    const Index n = system_->dimension();
+    if (channel.coordinate >= n) {
+        const OrbitReading& reading = options_.readings[static_cast<std::size_t>(channel.coordinate - n)];
+        return {reading.name + "." + measure, reading.unit};
+    }
+    const models::Coordinate& coordinate = system_->coordinates()[static_cast<std::size_t>(channel.coordinate)];
+    return {fmt::format("{}.{}", coordinate.name, measure), std::string(coordinate.unit)};
+}
+
 estimator::Group BranchResidual::make_group(const BranchChannel& channel) const {
     estimator::Group group;
-    group.name = options_.name + "." + name_of(channel.measure);
-    group.unit = "Hz";
-    if (channel.measure != OrbitMeasure::frequency) {
-        const models::Coordinate& coordinate = system_->coordinates()[static_cast<std::size_t>(channel.coordinate)];
-        group.name = fmt::format("{}.{}.{}", options_.name, coordinate.name, name_of(channel.measure));
-        group.unit = coordinate.unit;
-    }
+    std::tie(group.name, group.unit) = quantity(channel);
+    group.name = options_.name + "." + group.name;
     if (channel.known_sds || is_log_normal(channel)) group.unit = "1";
     group.scale = channel.scale;
     group.distribution = channel.distribution;
@@ -262,7 +271,7 @@ estimator::BlockValue BranchResidual::value(std::size_t b, const Known& /*known*
     const std::span<const Index> free(binding(b).parameter);
     const OrbitReadings along(*system_, values, orbit, options_.sensor,
                               derivatives ? std::optional<std::span<const Index>>(free) : std::nullopt,
-                              following().flow);
+                              following().flow, options_.readings);
     if (!along.simulated()) return failed();
     const auto measured = sources(b);
     estimator::BlockValue result;

@@ -3,6 +3,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -21,7 +22,8 @@ namespace orbid::periodic {
 /// One measure of all motions of a branch: one group of errors.
 struct BranchChannel {
     OrbitMeasure measure = OrbitMeasure::half_range;
-    Eigen::Index coordinate = 0;  ///< in whose place the sensor reads; without meaning for the frequency
+    /// In whose place the sensor reads, or n + i for BranchOptions::readings[i]; without meaning for the frequency.
+    Eigen::Index coordinate = 0;
     estimator::ErrorScale scale{true, 0.0, estimator::FlatPrior{}};  ///< start 0: from the residuals
     estimator::ErrorDistribution distribution = estimator::NormalErrors{};
     double floor = 0.0;      ///< least value of an estimated scale, >= 0
@@ -50,6 +52,7 @@ struct BranchOptions {
     /// Orbits of the model at another vector of the estimator that may be those measured, per motion; empty: none.
     /// Asked where an estimate ends: near a fold a motion may have been taken for the other one, or for none.
     std::function<std::vector<std::vector<StartingSolution>>(const Eigen::VectorXd& theta)> starts{};
+    std::vector<OrbitReading> readings{};  ///< formulas that are measured beside coordinates
 };
 
 /// The word of a measure, as in group names: "half_range".
@@ -78,6 +81,8 @@ public:
     [[nodiscard]] const std::vector<BranchChannel>& channels() const { return options_.channels; }
     /// The channel of each residual of a block.
     [[nodiscard]] std::vector<std::size_t> sources(std::size_t block) const;
+    /// Name and unit of what a channel measures: "x.half_range".
+    [[nodiscard]] std::pair<std::string, std::string> quantity(const BranchChannel& channel) const;
 
 private:
     void check_channels() const;

@@ -18,6 +18,8 @@ using Eigen::RowVectorXd;
 constexpr Index fewest = 64, most = 512;
 /// A Fourier series ends where the upper quarter of its terms is below this share of the largest.
 constexpr double negligible = 1e-10;
+/// A formula is the same after a turn where it differs by less than this share of its size: 2 pi is rounded.
+constexpr double same_reading = 1e-9;
 
 /// Coefficients c_j = (1/m) sum_k x_k exp(-2 pi i j k / m), j = 0, ..., m / 2.
 std::vector<std::complex<double>> fourier_series(const VectorXd& x) {
@@ -61,13 +63,44 @@ VectorXd weights_at(double s, Index m) {
     return weights;
 }
 
+/// Angles along an orbit without their jumps. @return the whole turns from its beginning to its end
+double make_continuous(Eigen::Ref<RowVectorXd, 0, Eigen::InnerStride<>> angles) {
+    for (Index k = 1; k < angles.size(); ++k)
+        angles(k) -= full_turn * std::round((angles(k) - angles(k - 1)) / full_turn);
+    return std::round((angles(angles.size() - 1) - angles(0)) / full_turn);
+}
+
+/// Derivatives of equidistant states of an orbit at fixed shares of it, shape (n, m f): a place is a time, which moves
+/// with T.
+MatrixXd at_equal_shares(const CurveStates& at, const PeriodicOrbit& orbit, Index f) {
+    if (f == 0) return MatrixXd(at.states.rows(), 0);
+    MatrixXd all = at.by_parameters;
+    const Index count = at.states.cols();
+    for (Index k = 0; orbit.time_sensitivities.size() > 0 && k < count; ++k)
+        all.middleCols(k * f, f) +=
+            (static_cast<double>(k) / static_cast<double>(count)) * at.velocity.col(k) * orbit.time_sensitivities;
+    return all;
+}
+
+/// The formulas as sensors that read them in the place of coordinates, as many as a model has at a time.
+std::vector<models::Sensor> sensors_of(std::span<const OrbitReading> formulas, std::size_t coordinates) {
+    std::vector<models::Sensor> sensors;
+    for (std::size_t i = 0; i < formulas.size(); ++i) {
+        if (i % coordinates == 0) sensors.emplace_back().type = models::Sensor::Type::function;
+        sensors.back().functions.push_back({i % coordinates, formulas[i].formula});
+    }
+    return sensors;
+}
+
 }  // namespace
 
 OrbitReadings::OrbitReadings(const models::System& system, const VectorXd& theta, const PeriodicOrbit& orbit,
                              const models::Sensor& sensor, std::optional<std::span<const Index>> free,
-                             const models::FlowOptions& options) {
+                             const models::FlowOptions& options, std::span<const OrbitReading> formulas) {
+    std::vector<models::Sensor> sensors = sensors_of(formulas, static_cast<std::size_t>(system.dimension()));
+    sensors.insert(sensors.begin(), sensor);
     for (Index count = fewest; count <= most; count *= 2) {
-        simulated_ = read(system, theta, orbit, sensor, free, count, options);
+        simulated_ = read(system, theta, orbit, sensors, free, count, options);
         if (!simulated_ || resolved()) break;
     }
     const auto f = free ? std::ssize(*free) : Index{0};
@@ -85,38 +118,56 @@ OrbitReadings::OrbitReadings(const models::System& system, const VectorXd& theta
 }
 
 bool OrbitReadings::read(const models::System& system, const VectorXd& theta, const PeriodicOrbit& orbit,
-                         const models::Sensor& sensor, std::optional<std::span<const Index>> free, Index count,
-                         const models::FlowOptions& options) {
+                         const std::vector<models::Sensor>& sensors, std::optional<std::span<const Index>> free,
+                         Index count, const models::FlowOptions& options) {
     const SolvedCurve curve(system, theta, orbit, options);
-    const bool forced = system.kind() == models::Kind::forced;
     std::vector<double> places(static_cast<std::size_t>(count));
     for (std::size_t k = 0; k < places.size(); ++k)
         places[k] = curve.length() * static_cast<double>(k) / static_cast<double>(count);
     const CurveStates at = curve.states(places, free);
     if (!at.simulated) return false;
-    const auto read = system.readings(sensor, at.states, places, theta, free, options);
-    if (read.status != models::FlowStatus::ok || !read.readings.allFinite()) return false;
-    readings_ = read.readings;
-    const Index n = readings_.rows();
+    const Index n = system.dimension();
     const auto f = free ? std::ssize(*free) : Index{0};
-    by_parameters_.resize(n, count * f);
-    for (Index k = 0; f > 0 && k < count; ++k) {
-        MatrixXd state = at.by_parameters.middleCols(k * f, f);
-        // A place is a time: the same share of the orbit moves with T.
-        const double share = static_cast<double>(k) / static_cast<double>(count);
-        if (!forced) state += share * at.velocity.col(k) * orbit.time_sensitivities;
-        const auto derivative = read.derivatives.middleCols(k * (n + f), n + f);
-        by_parameters_.middleCols(k * f, f) = derivative.leftCols(n) * state + derivative.rightCols(f);
-    }
-    turning_.assign(static_cast<std::size_t>(n), false);
+    const MatrixXd states_by_parameters = at_equal_shares(at, orbit, f);
+    Index rows = n;
+    for (std::size_t i = 1; i < sensors.size(); ++i)
+        rows += std::ssize(sensors[i].functions);
+    readings_.resize(rows, count);
+    by_parameters_.resize(rows, count * f);
+    turning_.assign(static_cast<std::size_t>(rows), false);
+    const auto take = [&](const models::Sensor& sensor, const MatrixXd& states, Index first, Index own) {
+        const auto read = system.readings(sensor, states, places, theta, free, options);
+        if (read.status != models::FlowStatus::ok || !read.readings.topRows(own).allFinite()) return false;
+        readings_.middleRows(first, own) = read.readings.topRows(own);
+        for (Index k = 0; f > 0 && k < count; ++k) {
+            const auto derivative = read.derivatives.middleCols(k * (n + f), n + f).topRows(own);
+            by_parameters_.block(first, k * f, own, f) =
+                derivative.leftCols(n) * states_by_parameters.middleCols(k * f, f) + derivative.rightCols(f);
+        }
+        return true;
+    };
+    if (!take(sensors.front(), at.states, 0, n)) return false;
     for (Index i = 0; i < n; ++i) {
-        if (!models::reads_angle(sensor, system.coordinates(), static_cast<std::size_t>(i))) continue;
-        const double first = readings_(i, 0);
-        for (Index k = 1; k < count; ++k)
-            readings_(i, k) -= full_turn * std::round((readings_(i, k) - readings_(i, k - 1)) / full_turn);
-        const double last = readings_(i, count - 1);
-        turning_[static_cast<std::size_t>(i)] = std::round((last - first) / full_turn) != 0.0;
+        if (!models::reads_angle(sensors.front(), system.coordinates(), static_cast<std::size_t>(i))) continue;
+        turning_[static_cast<std::size_t>(i)] = make_continuous(readings_.row(i)) != 0.0;
         readings_.row(i).array() -= full_turn * std::round(readings_.row(i).mean() / full_turn);
+    }
+    if (sensors.size() == 1) return by_parameters_.allFinite();
+    MatrixXd states = at.states;
+    VectorXd turn_later = states.col(0);
+    for (Index i = 0; i < n; ++i)
+        if (system.coordinates()[static_cast<std::size_t>(i)].angle)
+            turn_later(i) += full_turn * make_continuous(states.row(i));
+    Index first = n;
+    for (auto sensor = sensors.begin() + 1; sensor != sensors.end(); ++sensor) {
+        const Index own = std::ssize(sensor->functions);
+        if (!take(*sensor, states, first, own)) return false;
+        const auto later = system.readings(*sensor, turn_later, {places.data(), 1}, theta, std::nullopt, options);
+        for (Index i = first; i < first + own; ++i) {
+            const double moved = std::abs(later.readings(i - first, 0) - readings_(i, 0));
+            turning_[static_cast<std::size_t>(i)] = !(moved <= same_reading * readings_.row(i).cwiseAbs().maxCoeff());
+        }
+        first += own;
     }
     return by_parameters_.allFinite();
 }

@@ -17,19 +17,62 @@ constexpr OrbitMeasure measures[] = {OrbitMeasure::maximum,    OrbitMeasure::min
                                      OrbitMeasure::half_range, OrbitMeasure::rms,     OrbitMeasure::frequency};
 
 /// All that can be measured of the model's orbits, by name.
-std::vector<std::string> measurable(const Job& job) {
+std::vector<std::string> measurable(const Job& job, const Branch& branch) {
     std::vector<std::string> names;
-    for (std::size_t i = 0; i < coordinate_names(job).size(); ++i)
+    if (!job.model.system) return names;
+    for (std::size_t i = 0; i < coordinate_names(job).size() + branch.readings.size(); ++i)
         for (const OrbitMeasure measure : measures)
             if (measure != OrbitMeasure::frequency)
-                names.push_back(measure_name(job, measure, static_cast<Eigen::Index>(i)));
+                names.push_back(branch.measure_name(*job.model.system, measure, static_cast<Eigen::Index>(i)));
     names.push_back(periodic::name_of(OrbitMeasure::frequency));
     return names;
 }
 
+const FieldTable<periodic::OrbitReading>& reading_fields() {
+    using Reading = periodic::OrbitReading;
+    static const FieldTable<Reading> table{
+        {key("formula", text(), "Of coordinates and parameters.").required_always(),
+         [](const ValueReader& value, const Job& job, Reading& reading) {
+             const auto formula = value.text();
+             if (!formula || !job.model.system) return;
+             try {
+                 const auto names =
+                     models::reading_names(job.model.system->coordinates(), job.model.system->parameters());
+                 reading.formula = models::Expression::parse(*formula, names);
+             } catch (const models::ExpressionError& error) {
+                 value.report_character(error.position, error.what());
+             }
+         },
+         [](const Reading& reading, const Writing&) -> Json { return reading.formula.text(); }},
+        field(key("unit", text(), "Of its values."), &Reading::unit)};
+    return table;
+}
+
+void read_branch_readings(const ValueReader& value, const Job& job, Branch& branch) {
+    for (const auto& [name, member] : value.members()) {
+        if (!is_name(name, member)) continue;
+        if (is_in(name, coordinate_names(job)) || is_in(name, parameter_names(job)) ||
+            name == periodic::name_of(OrbitMeasure::frequency)) {
+            member.report(fmt::format("\"{}\" is the name of something else already: give the reading its own", name));
+            continue;
+        }
+        periodic::OrbitReading& reading = branch.readings.emplace_back();
+        reading.name = name;
+        read_short_or_object(member, "formula", reading_fields(), reading, job);
+    }
+}
+
+Json branch_readings_document(const Branch& branch, const Writing& at) {
+    Json readings = Json::object();
+    for (const periodic::OrbitReading& reading : branch.readings)
+        readings[reading.name] = fields_document(reading, reading_fields(), at);
+    return readings;
+}
+
 /// The measure of this name, in its unit; nothing after an unknown name has been reported.
-std::optional<Branch::Measure> measure_named(const std::string& name, const ValueReader& at, const Job& job) {
-    const auto names = measurable(job);
+std::optional<Branch::Measure> measure_named(const std::string& name, const ValueReader& at, const Job& job,
+                                             const Branch& branch) {
+    const auto names = measurable(job, branch);
     const auto found = std::find(names.begin(), names.end(), name);
     if (found == names.end()) {
         if (job.model.system)
@@ -45,7 +88,7 @@ std::optional<Branch::Measure> measure_named(const std::string& name, const Valu
         result.measure = OrbitMeasure::frequency;
         result.column.coordinate = 0;
     } else {
-        result.column.unit = job.model.coordinate(result.column.coordinate).unit;
+        result.column.unit = branch.quantity(*job.model.system, result.column.coordinate).second;
     }
     result.error.scale.value = 0.0;
     return result;
@@ -67,7 +110,7 @@ void read_branch_columns(const ValueReader& value, const Job& job, Branch& branc
             branch.at = read_column(member, 0, branch.at.unit);
             continue;
         }
-        auto measure = measure_named(name, member, job);
+        auto measure = measure_named(name, member, job, branch);
         if (!measure) continue;
         measure->column = read_column(member, measure->column.coordinate, measure->column.unit);
         branch.measures.push_back(std::move(*measure));
@@ -80,7 +123,7 @@ Json branch_columns_document(const Branch& branch, const Writing& at) {
     Json columns = Json::object();
     columns[parameter_name(at.job, branch.parameter)] = fields_document(branch.at, column_fields());
     for (const Branch::Measure& one : branch.measures)
-        columns[measure_name(at.job, one.measure, one.column.coordinate)] =
+        columns[branch.measure_name(*at.job.model.system, one.measure, one.column.coordinate)] =
             fields_document(one.column, column_fields());
     return columns;
 }
@@ -98,7 +141,7 @@ void read_branch_errors(const ValueReader& value, const Job& job, Branch& branch
         const std::size_t problems_before = member.problem_count();
         const ErrorJob error = read_error(member, job);
         const auto one = std::find_if(branch.measures.begin(), branch.measures.end(), [&, &key = name](const auto& m) {
-            return measure_name(job, m.measure, m.column.coordinate) == key;
+            return branch.measure_name(*job.model.system, m.measure, m.column.coordinate) == key;
         });
         if (one == branch.measures.end()) {
             if (job.model.system) member.report(fmt::format("\"{}\" is not measured: it has no errors", name));
@@ -112,11 +155,6 @@ void read_branch_errors(const ValueReader& value, const Job& job, Branch& branch
 }
 
 }  // namespace
-
-std::string measure_name(const Job& job, OrbitMeasure measure, Eigen::Index coordinate) {
-    const std::string& name = periodic::name_of(measure);
-    return measure == OrbitMeasure::frequency ? name : coordinate_name(job, coordinate) + "." + name;
-}
 
 const FieldTable<Branch>& measured_branch_fields() {
     static const FieldTable<Branch> table{
@@ -132,7 +170,16 @@ const FieldTable<Branch>& measured_branch_fields() {
              .required_always(),
          read_branch_parameter,
          [](const Branch& branch, const Writing& at) -> Json { return parameter_name(at.job, branch.parameter); }},
-        {key("columns", entries(column(), "the parameter, a measure x.half_range (max, min, mean, rms), or frequency"),
+        Field<Branch>{
+            key("readings", entries(text() | object(keys_of(reading_fields())), "a name that the model does not have"),
+                "Formulas of which measures are columns: { \"tip\": \"h + 0.2 * alpha\" }, or with a unit: "
+                "{ \"tip\": { \"formula\": \"h + 0.2 * alpha\", \"unit\": \"m\" } }."),
+            read_branch_readings, branch_readings_document}
+            .written_if([](const Branch& branch) { return !branch.readings.empty(); }),
+        {key("columns",
+             entries(column(),
+                     "the parameter, a measure x.half_range (max, min, mean, rms) of a coordinate or reading, or "
+                     "frequency"),
              "Which column of the table is what; that of the parameter has its name unless given.")
              .required_always(),
          read_branch_columns, branch_columns_document},
@@ -153,7 +200,8 @@ const FieldTable<Branch>& measured_branch_fields() {
         {errors_key(), read_later<Branch>, [](const Branch& branch, const Writing& at) {
              Json errors = Json::object();
              for (const Branch::Measure& one : branch.measures)
-                 errors[measure_name(at.job, one.measure, one.column.coordinate)] = error_document(one.error, at);
+                 errors[branch.measure_name(*at.job.model.system, one.measure, one.column.coordinate)] =
+                     error_document(one.error, at);
              return errors;
          }}};
     return table;

@@ -3,12 +3,14 @@
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/periodic_job.hpp"
+#include "periodic/waveforms/branch_residual.hpp"
 
 namespace orbid::apps::describe {
 
 namespace {
 
 using Options = periodic::ContinuationOptions;
+using periodic::OrbitMeasure;
 
 // Beyond any picture and any memory; the limits only keep numbers in their types.
 constexpr double most_branch_points = 1e6;
@@ -114,11 +116,24 @@ void read_range(ObjectReader& object, const Job& job, std::optional<Eigen::Index
     }
 }
 
-/// What branch.svg shows: a coordinate, or "time".
-std::optional<Eigen::Index> read_plotted(ObjectReader& object, const Job& job) {
+constexpr OrbitMeasure amplitudes[] = {OrbitMeasure::maximum, OrbitMeasure::minimum, OrbitMeasure::mean,
+                                       OrbitMeasure::half_range, OrbitMeasure::rms};
+
+/// What branch.svg shows: a coordinate, a measure of one, "frequency", or "time".
+std::optional<Eigen::Index> read_plotted(ObjectReader& object, const Job& job, std::optional<OrbitMeasure>& measure) {
     if (const auto plot = object.find("plot")) {
         const auto name = plot->text();
         if (!name || *name == "time" || !job.model.system) return std::nullopt;
+        if (*name == periodic::name_of(OrbitMeasure::frequency)) {
+            measure = OrbitMeasure::frequency;
+            return std::nullopt;
+        }
+        for (const OrbitMeasure one : amplitudes) {
+            const std::string ending = "." + periodic::name_of(one);
+            if (!name->ends_with(ending)) continue;
+            measure = one;
+            return coordinate_named(name->substr(0, name->size() - ending.size()), *plot, job);
+        }
         return coordinate_named(*name, *plot, job);
     }
     if (!job.model.system) return std::nullopt;
@@ -169,11 +184,16 @@ const FieldTable<ContinuationJob>& continuation_fields() {
                  return fields_document(continuation.options, step_fields(), at);
              }}};
         add_fields_of(fields, branch_fields(), &ContinuationJob::options);
-        fields.push_back({key("plot", text(), "What branch.svg shows: a coordinate, or \"time\"."),
-                          read_later<ContinuationJob>,
-                          [](const ContinuationJob& continuation, const Writing& at) -> Json {
-                              return continuation.plotted ? coordinate_name(at.job, *continuation.plotted) : "time";
-                          }});
+        fields.push_back(
+            {key("plot", text(),
+                 "What branch.svg shows: a coordinate, a measure x.half_range (max, min, mean, rms), "
+                 "\"frequency\", or \"time\"."),
+             read_later<ContinuationJob>, [](const ContinuationJob& continuation, const Writing& at) -> Json {
+                 if (!continuation.plotted)
+                     return continuation.measure ? periodic::name_of(*continuation.measure) : "time";
+                 const std::string& name = coordinate_name(at.job, *continuation.plotted);
+                 return continuation.measure ? name + "." + periodic::name_of(*continuation.measure) : name;
+             }});
         return fields;
     }();
     return table;
@@ -204,7 +224,7 @@ void read_continuation(const ValueReader& value, const Job& job, PeriodicJob& pe
             period->report(fmt::format("must be at least the period of the orbit it starts at, {}, not {}",
                                        periodic.orbits[continuation.orbit].period, options.maximum_period));
     }
-    continuation.plotted = read_plotted(object, job);
+    continuation.plotted = read_plotted(object, job, continuation.measure);
     object.finish();
     periodic.continuation = std::move(continuation);
 }

@@ -91,9 +91,6 @@ void add_error_fields(FieldTable<Residual>& table) {
                      }});
 }
 
-/// "h.half_range", "frequency".
-[[nodiscard]] std::string measure_name(const Job& job, periodic::OrbitMeasure measure, Eigen::Index coordinate);
-
 /// Experiments by name.
 [[nodiscard]] nlohmann::ordered_json experiments_document(const std::vector<std::size_t>& data, const Writing& at);
 

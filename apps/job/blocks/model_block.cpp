@@ -178,7 +178,10 @@ void read_model(ObjectReader& root, Job& job) {
     const auto parameters = object.find("parameters");
     if (const auto equations = object.find("equations")) {
         describe::read_equation_names(name, parameters, block);
-        if (const auto data = root.find("data")) block.text.used_outside = names_in_sensors(data->value());
+        if (const auto data = root.find("data")) block.text.used_outside = names_in_data(data->value());
+        if (const auto estimate = root.find("estimate"))
+            for (std::string& used : names_in_residuals(estimate->value()))
+                block.text.used_outside.push_back(std::move(used));
         // What is no text, name or number cannot be understood further.
         if (value->sound() && value->problem_count() == before) describe::use_equations(*equations, block, job);
         if (parameters) take_values_of_run(*parameters, job);

@@ -104,7 +104,9 @@ std::vector<std::string> error_names(const Job& job, const EstimateJob& estimate
     if (estimate.branch)
         for (const BranchResidualJob::Measure& one : estimate.branch->measures)
             if (one.error.scale.estimate)
-                names.push_back("branch." + measure_name(job, one.measure, one.column.coordinate) + ".scale");
+                names.push_back("branch." +
+                                estimate.branch->measure_name(*job.model.system, one.measure, one.column.coordinate) +
+                                ".scale");
     if (!estimate.series) return names;
     for (const std::size_t index : estimate.series->data) {
         const DataJob& data = job.data[index];

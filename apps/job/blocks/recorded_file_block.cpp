@@ -244,6 +244,12 @@ void read_inputs(const ValueReader& value, const Job& job, DataJob& data) {
     if (job.model.system) columns.finish();
 }
 
+/// A number, or a parameter of the model that its formulas need not contain.
+void read_delay(const ValueReader& value, const Job& job, InputJob& input) {
+    if (value.is(JsonValue::Kind::number)) return value.read(input.delay);
+    if (const auto name = value.text()) input.delay_parameter = parameter_named(*name, value, job);
+}
+
 Json inputs_document(const DataJob& data, const Writing& at) {
     if (!data.inputs) return left_out();
     Json inputs = fields_document(*data.inputs, input_file_fields(), at);
@@ -260,11 +266,18 @@ void add_file_fields(FieldTable<DataJob>& table) {
     static const FieldTable<InputJob> interpolation{
         choice_field(key("interpolation", {}, "Of the inputs between their samples.").with("inputs"),
                      interpolation_names, &InputJob::interpolation),
-        field(key("delay", number(), "The model reads the inputs of so much earlier; may be negative.")
-                  .in("s")
-                  .with("inputs"),
-              &InputJob::delay)
-            .written_if([](const InputJob& input) { return input.delay != 0.0; })};
+        Field<InputJob>{key("delay", number() | text("a parameter of the model"),
+                            "The model reads the inputs of so much earlier; may be negative. A parameter can be "
+                            "estimated.")
+                            .in("s")
+                            .with("inputs")
+                            .by_default(0.0),
+                        read_delay,
+                        [](const InputJob& input, const Writing& at) {
+                            return input.delay_parameter ? Json(parameter_name(at.job, *input.delay_parameter))
+                                                         : Json(input.delay);
+                        }}
+            .written_if([](const InputJob& input) { return input.delay_parameter || input.delay != 0.0; })};
     table.push_back(
         {key("file", file_name(), "Recorded data: .csv, .tsv, .txt, .mat, .h5 or .hdf5, relative to the job."),
          read_recorded_file, [](const DataJob& data, const Writing& at) {

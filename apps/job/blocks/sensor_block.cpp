@@ -116,23 +116,42 @@ Field<DataJob> sensor_field() {
 
 }  // namespace describe
 
-std::vector<std::string> names_in_sensors(const JsonValue& data) {
-    const auto member = [](const JsonValue& object, std::string_view key) {
-        const auto at = std::find_if(object.members.begin(), object.members.end(),
-                                     [key](const JsonMember& one) { return one.key == key; });
-        return at == object.members.end() ? JsonValue() : at->value;
-    };
+namespace {
+
+JsonValue member_of_value(const JsonValue& object, std::string_view key) {
+    const auto at = std::find_if(object.members.begin(), object.members.end(),
+                                 [key](const JsonMember& one) { return one.key == key; });
+    return at == object.members.end() ? JsonValue() : at->value;
+}
+
+void add_names_of(const JsonValue& readings, std::vector<std::string>& names) {
+    for (const JsonMember& reading : readings.members) {
+        const JsonValue formula = member_of_value(reading.value, "formula");
+        const std::string& text = reading.value.text.empty() ? formula.text : reading.value.text;
+        const std::regex name("[A-Za-z_][A-Za-z0-9_]*");
+        for (std::sregex_iterator at(text.begin(), text.end(), name), end; at != end; ++at)
+            names.push_back(at->str());
+    }
+}
+
+}  // namespace
+
+std::vector<std::string> names_in_data(const JsonValue& data) {
     std::vector<std::string> names;
     const auto add = [&](const JsonValue& experiment) {
-        for (const JsonMember& reading : member(member(experiment, "sensor"), "readings").members) {
-            const std::string& text = reading.value.text;
-            const std::regex name("[A-Za-z_][A-Za-z0-9_]*");
-            for (std::sregex_iterator at(text.begin(), text.end(), name), end; at != end; ++at)
-                names.push_back(at->str());
-        }
+        if (const JsonValue delay = member_of_value(experiment, "delay"); delay.kind == JsonValue::Kind::string)
+            names.push_back(delay.text);
+        add_names_of(member_of_value(member_of_value(experiment, "sensor"), "readings"), names);
     };
     if (data.kind == JsonValue::Kind::object) add(data);
     std::for_each(data.items.begin(), data.items.end(), add);
+    return names;
+}
+
+std::vector<std::string> names_in_residuals(const JsonValue& estimate) {
+    std::vector<std::string> names;
+    for (const JsonValue& residual : member_of_value(estimate, "residuals").items)
+        add_names_of(member_of_value(residual, "readings"), names);
     return names;
 }
 

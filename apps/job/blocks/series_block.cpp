@@ -67,17 +67,23 @@ bool says_more(const InitialValueJob& initial) {
            !std::holds_alternative<estimator::FlatPrior>(initial.prior);
 }
 
+/// A free state from which nodes can be followed: a start and nothing else.
+bool is_plain_start(const InitialValueJob& initial) {
+    return initial.estimate && !initial.is_parameter() && std::holds_alternative<estimator::FlatPrior>(initial.prior);
+}
+
 /// What single shooting alone can have.
 void check_nodes(const ValueReader& at, const Job& job, const SeriesResidualJob& series) {
     for (const std::size_t index : series.data) {
         const DataJob& data = job.data[index];
-        if (data.sensor.type == models::Sensor::Type::function)
-            at.report(fmt::format("\"{}\" is read by formulas: use \"interval\": \"segment\"", data.name));
-        if (std::any_of(data.initial_state.begin(), data.initial_state.end(), says_more))
+        const auto& initial = data.initial_state;
+        const bool followed = data.sensor.type == models::Sensor::Type::function;
+        if (followed && std::all_of(initial.begin(), initial.end(), is_plain_start)) continue;
+        if (std::any_of(initial.begin(), initial.end(), says_more))
             at.report(
                 fmt::format("\"initial_state\" of \"{}\" goes with \"interval\": \"segment\": every node is a "
-                            "free state",
-                            data.name));
+                            "free state{}",
+                            data.name, followed ? ", and only \"start\" helps to find the first" : ""));
     }
 }
 

@@ -19,8 +19,16 @@ bool is_searched(const Job& job) {
     return job.orbits && !job.orbits->file;
 }
 
+bool is_read_by_formulas(const Job& job, const EstimateJob& estimate) {
+    return estimate.series &&
+           std::any_of(estimate.series->data.begin(), estimate.series->data.end(), [&](std::size_t index) {
+               return job.data[index].sensor.type == models::Sensor::Type::function;
+           });
+}
+
 /// A prediction starts from states that readings say.
 bool has_readings(const Job& job, const EstimateJob& estimate) {
+    if (is_read_by_formulas(job, estimate)) return false;
     return (estimate.series && !estimate.series->data.empty()) || is_searched(job);
 }
 
@@ -43,7 +51,9 @@ void add_type(const ValueReader& item, std::size_t choice, const std::vector<Res
 
 StageJob prediction_stage(const ValueReader& item, const Job& job, const EstimateJob& estimate) {
     if (!estimate.strategy.empty()) item.report("the prediction gives a start: it must be the first stage");
-    if (!has_readings(job, estimate))
+    if (is_read_by_formulas(job, estimate))
+        item.report("a prediction begins at states that readings say: those by formulas say none");
+    else if (!has_readings(job, estimate))
         item.report("needs a series: a residual of type series, or \"orbits\" that are searched for");
     return {Kind::prediction, {}};
 }

@@ -1,6 +1,7 @@
 #include "apps/program/check/data_check.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "apps/estimation/job_problem.hpp"
 #include "apps/job/data_job.hpp"
@@ -64,6 +65,7 @@ DataCheck check_data(const Job& job) {
     const bool all_read =
         std::all_of(check.records.begin(), check.records.end(), [](const auto& record) { return record.has_value(); });
     if (all_read && check.problems.empty() && job.estimate) attempt([&] { check_estimate(job, data); });
+    check.experiments = std::move(data);
     return check;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apps/job/job.hpp"
+#include "apps/stages/data_stage.hpp"
 
 namespace orbid::apps {
 
@@ -17,7 +18,8 @@ struct DataCheck {
     };
     /// One per experiment; nothing for simulated ones and for unusable files.
     std::vector<std::optional<Record>> records;
-    std::optional<std::size_t> cycles;  ///< of the file named by "orbits"
+    std::vector<Experiment> experiments;  ///< as they were read, one per experiment
+    std::optional<std::size_t> cycles;    ///< of the file named by "orbits"
     /// Messages with file and, in tables, line and column: what `orbid run` would end with. Each file has its own.
     std::vector<std::string> problems;
 };

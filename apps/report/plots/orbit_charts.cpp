@@ -19,6 +19,7 @@ namespace orbid::apps {
 namespace {
 
 using namespace detail;
+using periodic::OrbitMeasure;
 
 bool is_left_out(const Json& cycle) {
     return cycle.contains("status") && cycle["status"] != "converged";
@@ -91,6 +92,48 @@ std::map<int, std::vector<Growth>> growths(const StoredRun& run) {
         std::stable_sort(list.begin(), list.end(),
                          [](const Growth& a, const Growth& b) { return a.size() < b.size(); });
     return periods;
+}
+
+/// Of a predicted branch: of frequency and half ranges, and of all else that was measured, sheet by sheet.
+BranchBands predicted_bands(const StoredRun& run) {
+    BranchBands bands;
+    const Json& branch = block_at(run.prediction, "branch");
+    const Json& points = block_at(branch, "points");
+    int sheet = 0;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+        const int own = points[k].at("sheet").get<int>();
+        for (const auto& [name, band] : points[k].at("quantities").items()) {
+            const bool shown =
+                name == "frequency" || !block_at(run.prediction, "measured").empty() || name.ends_with(".half_range");
+            if (!shown || name == "multiplier") continue;
+            const double lower = interval_end(band, 0), upper = interval_end(band, 1);
+            auto& list = bands[name];
+            // A fold, or an orbit that too few draws have, ends a band.
+            if (list.empty() || own != sheet || !std::isfinite(lower)) {
+                if (list.empty() || !list.back().x.empty()) list.emplace_back();
+            }
+            if (!std::isfinite(lower)) continue;
+            list.back().x.push_back(number_at(points[k], "parameter"));
+            list.back().lower.push_back(lower);
+            list.back().upper.push_back(upper);
+        }
+        sheet = own;
+    }
+    // An angle that turns around has none.
+    std::erase_if(bands, [](const auto& one) { return one.second.size() == 1 && one.second.front().x.empty(); });
+    return bands;
+}
+
+/// The coordinate and measure that a name like "h.half_range" or "frequency" says; nothing for others.
+std::optional<std::pair<std::size_t, OrbitMeasure>> measure_named(const Json& coordinates, const std::string& name) {
+    if (name == periodic::name_of(OrbitMeasure::frequency)) return std::pair{std::size_t{0}, OrbitMeasure::frequency};
+    for (int m = 0; m < static_cast<int>(OrbitMeasure::frequency); ++m)
+        for (std::size_t i = 0; i < coordinates.size(); ++i) {
+            const auto measure = static_cast<OrbitMeasure>(m);
+            if (name == coordinates[i].get<std::string>() + "." + periodic::name_of(measure))
+                return std::pair{i, measure};
+        }
+    return std::nullopt;
 }
 
 }  // namespace
@@ -184,35 +227,56 @@ Chart multiplier_chart(const StoredRun& run) {
 
 Chart branch_chart(const StoredRun& run) {
     Chart chart{"branch", "Branches of periodic orbits over the parameter", "Coordinate"};
-    if (block_at(run.branch, "branches").empty()) return chart;
-    const Json& file = *run.branch;
+    const Json* own = run.shown_branch();
+    if (block_at(own, "branches").empty()) return chart;
+    const Json& file = *own;
     const auto stored = stored_branches(file.dump());
     if (!stored) return chart;
     BranchPicture picture;
     picture.parameter = {text_at(file.at("parameter"), "name"), text_at(file.at("parameter"), "unit"), false};
+    const ModelJob model = stored_model(run);
+    const BranchBands bands = predicted_bands(run);
+    if (!stored->followed.measured.empty() || !bands.empty())
+        return measure_chart(stored->followed, picture.parameter, series_coordinates(*model.system), bands);
     const auto add_view = [&] {
         Chart one = branch_chart(stored->followed.branches, picture);
         chart.views.push_back(std::move(one.views.front()));
         chart.description = one.description;
     };
-    const ModelJob model = stored_model(run);
     const Json& coordinates = file.at("coordinates");
+    const auto add_view_of_time = [&] {
+        picture.shown.reset();
+        picture.coordinate = BranchPicture{}.coordinate;
+        add_view();
+    };
     const auto add_coordinate = [&](std::size_t i) {
         picture.shown = static_cast<Eigen::Index>(i);
         picture.coordinate = catalog::coordinate_of(model, coordinates[i].get<std::string>());
         add_view();
     };
-    // What the job plots comes first: a coordinate, or else the time.
+    const auto add_measure = [&](std::size_t i, OrbitMeasure measure) {
+        picture.shown = static_cast<Eigen::Index>(i);
+        picture.coordinate = catalog::coordinate_of(model, coordinates[i].get<std::string>());
+        show_measure(measure, picture);
+        add_view();
+        picture.measure.reset();
+    };
+    // What the job plots comes first: a coordinate or measure, or else the time.
     const Json::json_pointer place("/periodic/continuation/plot");
-    const Json plotted = run.job.contains(place) ? run.job.at(place) : Json();
+    const std::string plotted = run.job.contains(place) ? run.job.at(place).get<std::string>() : std::string();
     const auto first =
         static_cast<std::size_t>(std::find(coordinates.begin(), coordinates.end(), plotted) - coordinates.begin());
+    const auto asked = measure_named(coordinates, plotted);
+    if (asked) add_measure(asked->first, asked->second);
     if (first < coordinates.size())
         add_coordinate(first);
     else
-        add_view();
+        add_view_of_time();
     for (std::size_t i = 0; i < coordinates.size(); ++i)
         if (i != first) add_coordinate(i);
+    for (std::size_t i = 0; i < coordinates.size(); ++i)
+        if (asked != std::pair{i, OrbitMeasure::half_range}) add_measure(i, OrbitMeasure::half_range);
+    if (!asked || asked->second != OrbitMeasure::frequency) add_measure(0, OrbitMeasure::frequency);
     return chart;
 }
 

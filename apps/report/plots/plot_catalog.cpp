@@ -10,6 +10,7 @@
 #include "apps/documents/json_reader.hpp"
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/report/plots/record_charts.hpp"
+#include "apps/report/plots/residual_structure.hpp"
 #include "apps/report/plots/run_charts.hpp"
 #include "apps/stored_run/stored_record.hpp"
 #include "orbits/records/data_error.hpp"
@@ -45,7 +46,7 @@ bool has_cycles(const StoredRun& run) {
 }
 
 bool has_branch(const StoredRun& run) {
-    return !block_at(run.branch, "branches").empty();
+    return !block_at(run.shown_branch(), "branches").empty();
 }
 
 bool has_marginals(const StoredRun& run) {
@@ -99,6 +100,33 @@ Chart waveform_of(const StoredRun& run) {
     return waveform_chart(run, catalog::rows_of(run));
 }
 
+/// Charts that need every row.
+template <Chart (*make)(const std::vector<RecordGroup>&)>
+Chart all_records(const StoredRun& run) {
+    const auto rows = catalog::rows_of(run);
+    return make(record_groups(run, rows, rows.size()));
+}
+
+Chart dependence_of(const StoredRun& run) {
+    const auto rows = catalog::rows_of(run);
+    return dependence_chart(run, record_groups(run, rows));
+}
+
+/// Records of few readings, or at their own times, have none of these.
+template <Chart (*make)(const StoredRun&)>
+bool has_any(const StoredRun& run) {
+    return has_residuals(run) && !make(run).views.empty();
+}
+
+bool has_predicted_segments(const StoredRun& run) {
+    return std::filesystem::exists(run.folder / "predictions.csv");
+}
+
+Chart segments_of(const StoredRun& run) {
+    const auto rows = stored_predictions(run);
+    return segment_chart(record_groups(run, rows, rows.size()));
+}
+
 struct Entry {
     std::string_view name;
     std::string_view description;
@@ -112,8 +140,8 @@ constexpr std::array entries{
     Entry{"cycles", "The periodic points by period: measured ones, or those of the model.", has_cycles, cycle_chart},
     Entry{"multipliers", "The largest multiplier of each periodic orbit, measured and of the model.",
           has_views<multiplier_chart>, multiplier_chart},
-    Entry{"branch", "Periodic orbits over a parameter, stable ones solid, with their bifurcations.", has_branch,
-          branch_chart},
+    Entry{"branch", "Periodic orbits over a parameter, stable ones solid; measured motions beside the fitted branch.",
+          has_branch, branch_chart},
     Entry{"parameters", "Estimates with their 95 % intervals, as deviations from the known values.",
           has_views<parameter_chart>, parameter_chart},
     Entry{"convergence", "The objective above its last value, step by step; the way from stage to stage.",
@@ -131,6 +159,14 @@ constexpr std::array entries{
           has_residuals, of_records<residual_chart>},
     Entry{"normal_quantiles", "Distribution of the residuals: normal ones follow the line.", has_residuals,
           of_records<quantile_chart>},
+    Entry{"autocorrelation", "How residuals follow each other, beside the band of white noise.",
+          has_any<all_records<autocorrelation_chart>>, all_records<autocorrelation_chart>},
+    Entry{"residual_spectrum", "Power of the residuals by frequency; 1 for white noise.",
+          has_any<all_records<spectrum_chart>>, all_records<spectrum_chart>},
+    Entry{"residual_dependence", "Residuals against measured inputs, states and their rates; means at 0 are right.",
+          has_any<dependence_of>, dependence_of},
+    Entry{"predicted_segments", "Segments that were predicted: measured, predicted, and the error.",
+          has_predicted_segments, segments_of},
     Entry{"prediction", "The records over time, and what the estimate makes of them.", has_prediction,
           of_records<prediction_chart>},
     Entry{"waveform", "Measured steady states and computed ones over one turn of the orbit.", has_waveform,

@@ -22,16 +22,12 @@ using namespace detail;
 /// Pictures one may choose among; a list of more is no choice.
 constexpr std::size_t most_views = 300;
 
-double scaled(const ResidualRow& row) {
-    return row.sd > 0.0 ? (row.observed - row.predicted) / row.sd : std::nan("");
-}
-
 /// The groups with their rows, without names for people.
-std::vector<RecordGroup> grouped_rows(const std::vector<ResidualRow>& rows) {
+std::vector<RecordGroup> grouped_rows(const std::vector<ResidualRow>& rows, std::size_t most) {
     std::vector<RecordGroup> groups;
     std::map<std::tuple<std::string, std::string, bool>, std::size_t> place;
     std::map<std::tuple<std::size_t, std::string>, std::size_t> block_place;
-    const std::size_t every = catalog::stride(rows.size(), most_rows);
+    const std::size_t every = catalog::stride(rows.size(), std::max<std::size_t>(1, most));
     std::map<std::size_t, std::size_t> seen;
     for (const ResidualRow& row : rows) {
         const auto [found, fresh] =
@@ -53,9 +49,9 @@ std::string counts_beyond(const std::vector<RecordGroup>& groups) {
     for (const RecordGroup& group : groups) {
         for (const auto& [block, rows] : group.blocks) {
             for (const ResidualRow* row : rows) {
-                if (!std::isfinite(scaled(*row))) continue;
+                if (!std::isfinite(over_sd(*row))) continue;
                 ++known;
-                if (std::abs(scaled(*row)) > 2.0) ++outside;
+                if (std::abs(over_sd(*row)) > 2.0) ++outside;
             }
         }
     }
@@ -78,7 +74,7 @@ ChartView residual_view(const RecordGroup& group) {
         ChartLayer layer{LayerKind::points, fmt::format("segment {}", block), 1 + static_cast<int>(index % 8)};
         ChartLayer& out = group.cycles ? cycles : layer;
         for (const ResidualRow* row : rows) {
-            out.add(group.cycles ? static_cast<double>(index) : row->at, scaled(*row));
+            out.add(group.cycles ? static_cast<double>(index) : row->at, over_sd(*row));
             if (group.cycles) out.labels.push_back(block);
             x.include(out.x.back());
             y.include(out.y.back());
@@ -106,7 +102,7 @@ ChartView quantile_view(const RecordGroup& group) {
     std::vector<double> values;
     for (const auto& [block, rows] : group.blocks) {
         for (const ResidualRow* row : rows)
-            if (std::isfinite(scaled(*row))) values.push_back(scaled(*row));
+            if (std::isfinite(over_sd(*row))) values.push_back(over_sd(*row));
     }
     if (values.size() < 3) return view;
     std::sort(values.begin(), values.end());
@@ -214,8 +210,12 @@ void add_waveforms(const Json& state, const std::vector<ResidualRow>& rows, cons
 
 }  // namespace
 
-std::vector<RecordGroup> record_groups(const StoredRun& run, const std::vector<ResidualRow>& rows) {
-    std::vector<RecordGroup> groups = grouped_rows(rows);
+double over_sd(const ResidualRow& row) {
+    return row.sd > 0.0 ? (row.observed - row.predicted) / row.sd : std::nan("");
+}
+
+std::vector<RecordGroup> record_groups(const StoredRun& run, const std::vector<ResidualRow>& rows, std::size_t most) {
+    std::vector<RecordGroup> groups = grouped_rows(rows, most);
     if (groups.empty()) return groups;
     const ModelJob model = stored_model(run);
     std::set<std::string> experiments;

@@ -24,11 +24,16 @@ struct RecordGroup {
     std::string label = {};
 };
 
+/// The residual over the sd of its error; nan where that is not known.
+[[nodiscard]] double over_sd(const ResidualRow& row);
+
 /// Rows that a chart carries; of more, every k-th of a group. 2^18 are some 3 MB of a page.
 inline constexpr std::size_t most_rows = std::size_t{1} << 18;
 
 /// @param rows  residuals.csv of the run; they must outlive the groups.
-[[nodiscard]] std::vector<RecordGroup> record_groups(const StoredRun& run, const std::vector<ResidualRow>& rows);
+/// @param most  rows of all groups together; of more, every k-th of a group
+[[nodiscard]] std::vector<RecordGroup> record_groups(const StoredRun& run, const std::vector<ResidualRow>& rows,
+                                                     std::size_t most = most_rows);
 
 /// Residuals over their sd, record by record.
 [[nodiscard]] Chart residual_chart(const std::vector<RecordGroup>& groups);

@@ -109,6 +109,68 @@ TEST_CASE("a branch with its folds gives the parameters back", "[apps][run]") {
     CHECK(read_json(folder.path() / "again" / "result.json")["parameters"] == result["parameters"]);
 }
 
+TEST_CASE("formulas are measured along a branch, which is left behind with the motions", "[apps][run]") {
+    TemporaryFolder folder;
+    write_text(folder.path() / "table.csv", measured_branch());
+    std::string text = job_text(R"(, "readings": { "twice": { "formula": "2 * x", "unit": "m" } },
+      "errors": { "twice.half_range": { "distribution": "lognormal", "sd": 0.05 } })");
+    const std::string plain = R"("x.half_range": { "column": "a", "factor": 0.1 })";
+    text.replace(text.find(plain), plain.size(), R"("twice.half_range": { "column": "a", "factor": 0.2 })");
+    const Path job = write_text(folder.path() / "job.json", text);
+    const Path out = folder.path() / "out";
+    const Outcome outcome = orbid_with({"run", job, "--out", out});
+    CAPTURE(outcome.out, outcome.error);
+    REQUIRE(outcome.code == 0);
+    const json result = read_json(out / "result.json");
+    CHECK(result["errors"].contains("branch.twice.half_range"));
+    for (const auto& [name, truth] : {std::pair{"delta", 0.1}, std::pair{"beta", 0.3}, std::pair{"gamma", 0.4}})
+        CHECK_THAT(result["parameters"][name]["value"].get<double>(), WithinAbs(truth, 1e-6));
+
+    const json branch = read_json(out / "branch.json");
+    CHECK(branch["readings"][0]["name"] == "twice");
+    CHECK(branch["readings"][0]["unit"] == "m");
+    REQUIRE(branch["branches"].size() == 1);
+    CHECK(branch["branches"][0]["piece"] == "the start");
+    std::size_t folds = 0;
+    for (const json& point : branch["branches"][0]["points"]) {
+        const json& half_range = point["amplitude"]["half_range"];
+        REQUIRE(half_range.size() == 3);
+        CHECK_THAT(half_range[2].get<double>(), WithinRel(2.0 * half_range[0].get<double>(), 1e-12));
+        folds += point["bifurcation"] == "fold" ? 1 : 0;
+    }
+    CHECK(folds == 2);
+    std::size_t unstable = 0;
+    for (const json& motion : branch["measured"]) {
+        if (!motion["used"]) continue;
+        unstable += motion["unstable"] == 0 ? 0 : 1;
+        const json& value = motion["values"][0];
+        CHECK(value["name"] == "twice.half_range");
+        // The errors are log-normal: 5 % of what is predicted.
+        CHECK_THAT(value["sd"].get<double>(), WithinRel(0.05 * value["predicted"].get<double>(), 1e-9));
+        CHECK_THAT(value["observed"].get<double>(), WithinRel(value["predicted"].get<double>(), 1e-6));
+    }
+    CHECK(unstable > 0);
+    CHECK(unstable < branch["measured"].size());
+    const std::string table = apps::read_whole_file(out / "branch.csv");
+    CHECK_THAT(table, ContainsSubstring(",twice_half_range,") && ContainsSubstring(",piece\n"));
+    CHECK_THAT(apps::read_whole_file(out / "branch.svg"), ContainsSubstring("twice.half_range"));
+    const Outcome plot = orbid_with({"plot", out, "branch", "--out", "-"});
+    CHECK(plot.code == 0);
+    CHECK_THAT(plot.out, ContainsSubstring("measured, unstable") && ContainsSubstring("x_dot.rms"));
+
+    const auto refused = [&](const std::string& from, const std::string& to) {
+        std::string wrong = text;
+        wrong.replace(wrong.find(from), from.size(), to);
+        const Outcome said = orbid_with({"check", write_text(folder.path() / "wrong.json", wrong)});
+        CHECK(said.code == 2);
+        return said.error + said.out;
+    };
+    CHECK_THAT(refused(R"("twice": {)", R"("x": {)"), ContainsSubstring("is the name of something else already"));
+    CHECK_THAT(refused("2 * x", "2 * y"), ContainsSubstring("/readings/twice/formula"));
+    CHECK_THAT(refused(R"("twice.half_range": { "c)", R"("twice.halfrange": { "c)"),
+               ContainsSubstring("twice.half_range"));
+}
+
 TEST_CASE("branches that cannot be used say why", "[apps][run]") {
     TemporaryFolder folder;
     const auto said = [&](const std::string& table, const std::string& text) {

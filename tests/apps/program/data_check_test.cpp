@@ -1,5 +1,6 @@
 // What `orbid check` finds in the files that a job names, and what it expects of the run.
 
+#include <cmath>
 #include <string>
 
 #include "apps/job/reading/job_reader.hpp"
@@ -93,6 +94,53 @@ TEST_CASE("the estimate of the work follows the numbers of the job", "[apps][com
     job["data"]["simulate"]["noise"] = {{"phi", 1e-3}, {"phi_dot", 1e-3}};
     CHECK(stage(work_of(job), "orbits").seconds > 10.0 * stage(work, "orbits").seconds);
     CHECK(apps::work_table({}, 4).empty());
+}
+
+json equations_job(const std::string& equation) {
+    return {{"model", {{"equations", {{"x", "v"}, {"v", equation}}}, {"parameters", {{"k", 1.0}, {"c", 0.1}}}}},
+            {"seed", 1},
+            {"data",
+             {{"name", "run"},
+              {"simulate", {{"samples", {{"step", 0.1}, {"count", 2000}}}, {"initial", json::array({{0.5, 0.0}})}}},
+              {"observe", {"x"}}}},
+            {"estimate",
+             {{"parameters", {{"k", {{"start", 1.1}}}, {"c", {{"start", 0.12}}}}},
+              {"residuals", json::array({{{"type", "series"}, {"interval", "segment"}}})}}},
+            {"output", {{"series", "none"}}}};
+}
+
+TEST_CASE("rates are those of the job's own model, and times follow them", "[apps][command]") {
+    const auto reading = apps::read_job(equations_job("-c * v - k * x - x^3").dump(), "job.json");
+    REQUIRE(reading.job);
+    const apps::DataCheck data = apps::check_data(*reading.job);
+    const auto rates = apps::measured_rates(*reading.job, data);
+    REQUIRE(rates.size() == 1);
+    CHECK(rates[0].unknown.empty());
+    CHECK(rates[0].value > 0.0);
+    CHECK(rates[0].derivatives > 0.0);
+    auto twice = rates;
+    twice[0].derivatives *= 2.0;
+    const double seconds = stage(apps::estimated_work(*reading.job, data, 1, rates), "estimate").seconds;
+    CHECK(seconds > 0.0);
+    CHECK_THAT(stage(apps::estimated_work(*reading.job, data, 1, twice), "estimate").seconds,
+               WithinRel(2.0 * seconds, 1e-12));
+}
+
+TEST_CASE("a time that cannot be known is called unknown, with its reason", "[apps][command]") {
+    // x'' = x^2 grows without bound before the first hundred samples.
+    const auto reading = apps::read_job(equations_job("k * x^2 + 30 * x - c * v").dump(), "job.json");
+    REQUIRE(reading.job);
+    const apps::DataCheck data = apps::check_data(*reading.job);
+    const auto rates = apps::measured_rates(*reading.job, data);
+    REQUIRE(rates.size() == 1);
+    CHECK_THAT(rates[0].unknown, ContainsSubstring("left the range of finite numbers"));
+    const auto work = apps::estimated_work(*reading.job, data, 1, rates);
+    CHECK(std::isnan(stage(work, "estimate").seconds));
+    CHECK_THAT(apps::work_table(work, 1),
+               ContainsSubstring("unknown") && ContainsSubstring("left the range of finite numbers"));
+    // Where a branch ends is found by following it.
+    const Outcome branch = orbid_with({"check", orbid::tests::source_folder() + "/configs/pendulum_cascade.json"});
+    CHECK_THAT(branch.out, ContainsSubstring("found by following it"));
 }
 
 TEST_CASE("every example job is checked with its data", "[apps][command]") {

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "apps/results/summary_table.hpp"
+#include "apps/stored_run/prediction_results.hpp"
 #include "tests/apps/results/made_up_estimate.hpp"
 #include "tests/catch.hpp"
 
@@ -73,6 +74,14 @@ TEST_CASE("two rms of one record are explained, missing ones left out", "[apps]"
     CHECK_THAT(text, ContainsSubstring("fitted to these readings alone") && !ContainsSubstring("x2"));
     context.predictions[0].rms = {{"phi", rms}};
     CHECK_THAT(apps::estimate_summary(estimate, context, ""), !ContainsSubstring("fitted to these readings alone"));
+    // Segments count by their readings: together they may have the rms of the estimate.
+    context.predictions[0].rms = {{"phi", std::sqrt(0.5) * rms}};
+    context.predictions[0].readings = {200};
+    context.predictions.push_back({"run1", "1", {{"phi", std::sqrt(2.0) * rms}}, 1.0, true, {100}});
+    CHECK_THAT(apps::estimate_summary(estimate, context, ""), !ContainsSubstring("fitted to these readings alone"));
+    context.predictions[1].readings = {300};
+    CHECK_THAT(apps::estimate_summary(estimate, context, ""), ContainsSubstring("fitted to these readings alone"));
+    context.predictions.pop_back();
     context.predictions[0].rms = {{"phi", undefined}};
     CHECK_THAT(apps::estimate_summary(estimate, context, ""),
                ContainsSubstring("cannot be simulated over all of it") && !ContainsSubstring("nan"));
@@ -89,12 +98,29 @@ TEST_CASE("cycles are summarised by period, missing ones named", "[apps]") {
         cycle.recurrences = multiplier > 0.0 ? 5 : 40;
         search.cycles.push_back(cycle);
     }
-    search.missing = {3};
+    search.missing = {3, 5};
+    search.remarks = {"no cycle of period 3 was found: of 12 near returns none closed on a cycle"};
     const std::string text = apps::cycles_summary(search);
     CHECK_THAT(text, ContainsSubstring("       2       2       4     5 ... 40"));
     CHECK_THAT(text, ContainsSubstring("1.7 ... 18.5"));
     CHECK_THAT(text, ContainsSubstring("2e-06"));
-    CHECK_THAT(text, ContainsSubstring("period 3: none found"));
+    CHECK_THAT(text, ContainsSubstring("period 3: none found: of 12 near returns none closed on a cycle\n"));
+    CHECK_THAT(text, ContainsSubstring("period 5: none found\n"));
+}
+
+TEST_CASE("a prediction tells every rms there is, and no other", "[apps][predict]") {
+    apps::Forecast forecast;
+    apps::SegmentForecast& one = forecast.segments.emplace_back();
+    one.segment = "7";
+    one.readings = 40;
+    one.duration = 4.0;
+    one.beginning = 0.4;
+    // x2 has no reading; the sd of the others is not known, so that there is no ratio either.
+    one.course = {{"x1", "m", 0.0125, undefined}, {"x2", "m", undefined, undefined}};
+    one.ahead = {{"x1", "m", 0.0625, undefined}, {"x2", "m", undefined, undefined}};
+    const std::string text = apps::prediction_summary(forecast, "");
+    CHECK_THAT(text, ContainsSubstring("x1 0.0125 m") && ContainsSubstring("x1 0.0625 m"));
+    CHECK_THAT(text, !ContainsSubstring("x2") && !ContainsSubstring("nan"));
 }
 
 }  // namespace

@@ -50,6 +50,45 @@ TEST_CASE("on a terminal a bar shows fraction, rate and remaining time and goes 
     CHECK_THAT(text, ContainsSubstring("\r\033[Korbits"));  // the bar is wiped before the stage's line
 }
 
+TEST_CASE("away from a terminal no stage is silent for long, whoever computes", "[apps][progress]") {
+    std::ostringstream sink;
+    apps::Progress progress(false, sink, false, std::chrono::milliseconds(200));
+    progress.begin("estimate");
+    progress.note("step 3, objective 12.5", 7.0);
+    std::this_thread::sleep_for(std::chrono::milliseconds(900));  // a computation that tells nothing
+    progress.note("step 4, objective 12.25");
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    progress.end("converged");
+    const std::string text = sink.str();
+    // Four intervals and two, and the end; fewer if threads have to wait for a processor.
+    CHECK(std::count(text.begin(), text.end(), '\n') >= 3);
+    CHECK(std::count(text.begin(), text.end(), '\n') <= 9);
+    CHECK_THAT(text, ContainsSubstring("step 3, objective 12.5; 6.") && ContainsSubstring(" s left\n") &&
+                         ContainsSubstring("step 4, objective 12.25; time left unknown\n"));
+    CHECK_THAT(progress.log_text(), ContainsSubstring("step 4, objective 12.25"));
+}
+
+TEST_CASE("work between stages is told only if it takes long", "[apps][progress]") {
+    std::ostringstream sink;
+    apps::Progress progress(false, sink, false, std::chrono::milliseconds(100));
+    progress.within("checksums");
+    progress.within("compiling");
+    progress.within({});
+    CHECK(sink.str().empty());
+    CHECK(progress.times().empty());
+    progress.within("report");
+    std::this_thread::sleep_for(std::chrono::milliseconds(400));
+    CHECK_THAT(sink.str(), ContainsSubstring("report") && ContainsSubstring("time left unknown"));
+    // Within a stage it is the stage's state, until something else is.
+    progress.begin("estimate");
+    progress.within("first solutions");
+    std::this_thread::sleep_for(std::chrono::milliseconds(400));
+    CHECK_THAT(sink.str(), ContainsSubstring("estimate") && ContainsSubstring("first solutions"));
+    progress.end("done");
+    REQUIRE(progress.times().size() == 1);
+    CHECK(progress.times()[0].stage == "estimate");
+}
+
 TEST_CASE("quiet prints nothing but keeps log and times", "[apps]") {
     std::ostringstream sink;
     apps::Progress progress(true, sink, true);

@@ -71,6 +71,24 @@ TEST_CASE("a block that cannot be evaluated shortens the step; one that stops ev
     CHECK_THAT(result.parameters[0].value, WithinRel(expected.parameters[0].value, 1e-9));
 }
 
+TEST_CASE("derivatives beyond all rounding are told from an exact fit", "[estimator]") {
+    // As of an explicit flow at a stiff trial state: residuals of 1, derivatives of 1e18 without a direction.
+    FunctionResidual residual;
+    residual.add_group(group("y"));
+    residual.add_block(layout("stiff", 5), [](const Eigen::VectorXd&, const Eigen::VectorXd&, bool) {
+        estimator::BlockValue value;
+        value.e = Eigen::VectorXd::LinSpaced(5, -1.0, 1.0);
+        value.e_theta = Eigen::MatrixXd::Constant(5, 1, 1e18);
+        value.e_z.resize(5, 0);
+        return value;
+    });
+    const auto result = estimator::estimate({free_parameter("theta", 1.0)}, {&residual});
+    CAPTURE(result.message);
+    CHECK(result.status != estimator::EstimateStatus::converged);
+    CHECK_THAT(result.message, ContainsSubstring("the derivatives of y are so large there that rounding"));
+    CHECK_THAT(result.message, !ContainsSubstring("rounding level"));
+}
+
 TEST_CASE("a start that cannot be evaluated fails and names the block", "[estimator]") {
     FunctionResidual residual;
     residual.add_group(group("y"));
@@ -121,6 +139,36 @@ TEST_CASE("an evaluation that is left keeps the best so far", "[estimator]") {
             before = part.objective;
             CHECK(std::equal(objectives.begin(), objectives.end(), whole.begin()));
         }
+    }
+}
+
+TEST_CASE("who watches an estimate is told its start, every step, and what follows", "[estimator]") {
+    using estimator::StepReport;
+    for (const bool plain : {false, true}) {
+        CAPTURE(plain);
+        FunctionResidual residual;
+        residual.add_group(group("y", 0.01, plain));
+        residual.add_block(layout("all", 5), exponential(1e9));
+        std::vector<StepReport> reports;
+        estimator::EstimateOptions options;
+        options.watched = [&](const StepReport& report) { reports.push_back(report); };
+        const auto result = estimator::estimate({free_parameter("theta", -3.0)}, {&residual}, {}, options);
+        REQUIRE(result.status == estimator::EstimateStatus::converged);
+        REQUIRE(reports.size() > 3);
+        CHECK(reports.front().iteration == 0);
+        CHECK(std::isnan(reports.front().step));
+        CHECK(reports.front().theta[0] == -3.0);
+        CHECK(reports.back().phase == StepReport::Phase::uncertainty);
+        CHECK(reports.back().theta[0] == result.parameters[0].value);
+        int last = 0;
+        for (const StepReport& report : reports) {
+            if (report.phase != StepReport::Phase::minimisation || std::isnan(report.step)) continue;
+            CHECK(report.iteration == ++last);
+            CHECK(report.decrease >= 0.0);
+            CHECK(report.step >= 0.0);
+            CHECK(report.damping >= 0.0);
+        }
+        CHECK(last == result.iterations);
     }
 }
 

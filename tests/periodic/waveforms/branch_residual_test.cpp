@@ -116,6 +116,93 @@ TEST_CASE("measures of a linear oscillator in closed form", "[periodic][waveform
     CHECK(residual.groups()[5].unit == "Hz");
 }
 
+TEST_CASE("measures of formulas of a linear oscillator in closed form", "[periodic][waveform]") {
+    const auto system = make("duffing");
+    const double delta = 0.4, alpha = 2.0, gamma = 1.3, omega = 1.7;
+    const VectorXd values =
+        with_values(*system, {{"delta", delta}, {"alpha", alpha}, {"beta", 0.0}, {"gamma", gamma}, {"omega", omega}});
+    const auto binding = estimated(*system, values, {"omega", "delta", "gamma"});
+    const auto names = models::reading_names(system->coordinates(), system->parameters());
+    BranchOptions options;
+    options.start = picked(binding);
+    // A force of spring and damper, which turns ahead of x; a square, of twice the frequency; three on two coordinates.
+    const std::string x(system->coordinates()[0].name), v(system->coordinates()[1].name);
+    options.readings = {{"force", "N", models::Expression::parse("alpha * " + x + " + delta * " + v, names)},
+                        {"square", "m^2", models::Expression::parse(x + "^2", names)},
+                        {"scaled", "", models::Expression::parse("gamma * " + v + " + 3", names)}};
+    const Index n = system->dimension();
+    for (Index i = 0; i < 3; ++i)
+        options.channels.push_back(channel_of(OrbitMeasure::half_range, n + i));
+    options.channels.push_back(channel_of(OrbitMeasure::mean, n + 1));
+    options.channels.push_back(channel_of(OrbitMeasure::minimum, n + 2));
+    options.channels.push_back(channel_of(OrbitMeasure::rms, n));
+    // A = gamma / |d|, |d|^2 = (alpha - w^2)^2 + (delta w)^2; the force has the amplitude F = A |alpha + i delta w|.
+    const auto amplitude = [&](double w, double c, double g) {
+        return g / std::abs(std::complex<double>(alpha - w * w, c * w));
+    };
+    const auto predicted = [&](double w, double c, double g) {
+        const double a = amplitude(w, c, g);
+        const double force = a * std::abs(std::complex<double>(alpha, c * w));
+        VectorXd all(6);
+        all << force, 0.5 * a * a, g * w * a, 0.5 * a * a, 3.0 - g * w * a, std::sqrt(0.5) * force;
+        return all;
+    };
+    MeasuredOrbit orbit{
+        "omega = 1.7", binding, predicted(omega, delta, gamma), {}, {started(Eigen::Vector2d(0.0, 0.0))}};
+    const BranchResidual residual(system, {orbit}, options);
+    REQUIRE(residual.start_status(0) == OrbitStatus::converged);
+    const auto value = residual.evaluate(residual.initial_set(), options.start, {{}}, true)[0];
+    REQUIRE(value.status == estimator::BlockStatus::ok);
+    CHECK(value.e.cwiseAbs().maxCoeff() < 1e-11);
+    // Derivatives of the closed form by differences of fourth order: 1e-12, 6e-10 with five times the step.
+    const double h = 2e-4;
+    const auto slope = [&](int i) {
+        const auto at = [&](double step) {
+            return predicted(omega + (i == 0 ? step : 0.0), delta + (i == 1 ? step : 0.0),
+                             gamma + (i == 2 ? step : 0.0));
+        };
+        return VectorXd((8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h));
+    };
+    for (int i = 0; i < 3; ++i) {
+        CAPTURE(i);
+        CHECK((-value.e_theta.col(i) - slope(i)).cwiseAbs().maxCoeff() < 1e-10);
+    }
+    CHECK(residual.groups()[0].name == "branch.force.half_range");
+    CHECK(residual.groups()[0].unit == "N");
+    CHECK(residual.quantity(residual.channels()[3]).first == "square.mean");
+    CHECK(residual.quantity(residual.channels()[3]).second == "m^2");
+    CHECK(derivative_error(residual, options.start, {{}}, 1e-3) < 1e-8);
+    options.channels.push_back(channel_of(OrbitMeasure::rms, n + 3));
+    orbit.values.conservativeResize(7);
+    orbit.values(6) = 1.0;
+    CHECK_THROWS_AS(BranchResidual(system, {orbit}, options), std::invalid_argument);
+}
+
+TEST_CASE("a formula of an angle that turns around is measured where a turn does not change it",
+          "[periodic][waveform]") {
+    // The parametric pendulum, locked: one turn per period of the crank.
+    const auto system = models::make_system("parametric_pendulum", "harmonic");
+    const VectorXd values = with_values(*system, {{"omega", 13.0}});
+    StartingSolution start = started(Eigen::Vector2d(0.0, 13.0));
+    start.rotation = {1};
+    periodic::ShootingOptions solver;
+    solver.maximum_distance = 100.0;
+    const auto orbit = periodic::solve_orbit(*system, values, start, {}, solver);
+    REQUIRE(orbit.status == OrbitStatus::converged);
+    const auto names = models::reading_names(system->coordinates(), system->parameters());
+    const std::vector<periodic::OrbitReading> readings{
+        {"across", "m", models::Expression::parse("l * sin(phi)", names)},
+        {"unwound", "rad", models::Expression::parse("0.1 * phi", names)}};
+    const periodic::OrbitReadings along(*system, values, orbit, {}, std::nullopt, models::FlowOptions{}, readings);
+    REQUIRE(along.simulated());
+    CHECK_FALSE(along.measure(OrbitMeasure::half_range, 0));
+    // Over a whole turn the sine takes all its values.
+    const auto across = along.measure(OrbitMeasure::half_range, 2);
+    REQUIRE(across);
+    CHECK_THAT(across->value, WithinAbs(values(system->parameter_index("l")), 1e-8));
+    CHECK_FALSE(along.measure(OrbitMeasure::half_range, 3));
+}
+
 TEST_CASE("measures of limit cycles agree with those of orbits, their derivatives with differences",
           "[periodic][waveform]") {
     const auto system = make("van_der_pol");

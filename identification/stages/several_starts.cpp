@@ -1,0 +1,44 @@
+#include "identification/stages/several_starts.hpp"
+
+#include <cmath>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "estimator/exploration/multi_start.hpp"
+
+namespace orbid::identification {
+
+void search_starts(StageInput& input, const ProblemResiduals& residuals,
+                   std::vector<estimator::FreeParameter>& parameters) {
+    estimator::MultiStartOptions search;
+    search.starts = static_cast<int>(input.options.starts);
+    search.seed = input.options.start_seed;
+    search.estimate = input.estimate;
+    search.estimate.progress = {};
+    search.estimate.watched = {};
+    search.estimate.verdict = false;
+    input.observer.begin("starts", static_cast<double>(input.options.starts), "starts");
+    estimator::StartedRun best;
+    search.progress = [&](int finished, int) {
+        input.observer.at(finished, std::isfinite(best.objective) && best.theta.size() > 0
+                                        ? fmt::format("best objective {:.6g}", best.objective)
+                                        : std::string());
+    };
+    search.ended = [&](const estimator::StartedRun& run) {
+        const bool first = best.theta.size() == 0;
+        if (!std::isfinite(run.objective) || (!first && run.objective >= best.objective)) return;
+        best = run;
+        input.observer.reached(best.theta, best.objective);
+    };
+    const auto found = estimator::multi_start(
+        parameters, [&] { return residuals.copies(); }, input.setup.derived, search);
+    input.starts->optima = found.optima;
+    input.starts->runs = found.runs;
+    input.observer.end(fmt::format("{} optima from {} starts", found.optima.size(), found.runs.size()));
+    if (found.best_start < 0 || found.best.parameters.size() != parameters.size()) return;
+    for (std::size_t i = 0; i < parameters.size(); ++i)
+        parameters[i].start = found.best.parameters[i].value;
+}
+
+}  // namespace orbid::identification

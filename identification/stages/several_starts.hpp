@@ -1,0 +1,15 @@
+#pragma once
+
+#include <vector>
+
+#include "estimator/interface/estimate_options.hpp"
+#include "identification/problem/problem_residuals.hpp"
+#include "identification/stages/strategy_stage.hpp"
+
+namespace orbid::identification {
+
+/// Estimates from several starts, telling the best so far, and moves `parameters` to the best result.
+void search_starts(StageInput& input, const ProblemResiduals& residuals,
+                   std::vector<estimator::FreeParameter>& parameters);
+
+}  // namespace orbid::identification

@@ -1,0 +1,238 @@
+#include "orbits/simulation/state_filter.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "models/arithmetic/median.hpp"
+#include "models/definition/parameter.hpp"
+#include "orbits/simulation/section_map.hpp"
+
+namespace orbid::orbits {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double unknown_state = 0.3;  // sd of a start in ranges
+constexpr models::FlowOptions filter_flow{1e-8, 1e-8, 20000};
+
+/// One reading that a filter has used, for the way back.
+struct Used {
+    VectorXd slope;  ///< of the reading, per range of each coordinate
+    VectorXd gain;
+    double innovation = 0.0;
+    double variance = 1.0;  ///< of the innovation
+};
+
+/// A sample on the way forwards.
+struct Step {
+    MatrixXd carried;  ///< d x_k / d x_{k-1}, in ranges; identity at the first sample
+    VectorXd state;    ///< after its readings
+    MatrixXd covariance;
+    std::vector<Used> used;
+};
+
+/// The way forwards.
+class Filter {
+public:
+    Filter(const FollowedRecord& record, const FilterNoise& noise)
+        : record_(record),
+          noise_(noise),
+          n_(record.system.dimension()),
+          all_(n_ + std::ssize(record.free)),
+          theta_(record.theta),
+          scale_(all_),
+          typical_((record.at[record.at.size() - 1] - record.at[0]) /
+                   static_cast<double>(std::max<Index>(record.at.size() - 1, 1))),
+          errors_(record.coordinates.size()) {
+        scale_ << record.range, record.free_sd;
+    }
+
+    void begin(const VectorXd& start) {
+        x_ = start;
+        p_ = MatrixXd::Identity(all_, all_);
+        p_.diagonal().head(n_).setConstant(unknown_state * unknown_state);
+        now_ = {};
+        now_.carried = MatrixXd::Identity(all_, all_);
+    }
+
+    void advance(Index sample) {
+        const double duration = record_.at[sample] - record_.at[sample - 1];
+        const std::array<double, 1> durations{duration};
+        const auto flow =
+            record_.system.flow_with_sensitivities(x_, record_.phases[static_cast<std::size_t>(sample - 1)], durations,
+                                                   theta_, record_.free, record_.clock, filter_flow);
+        now_ = {};
+        now_.carried = MatrixXd::Identity(all_, all_);
+        if (flow.status == models::FlowStatus::ok && flow.states.allFinite() && flow.sensitivities.allFinite()) {
+            x_ = flow.states.col(0);
+            now_.carried.topRows(n_) =
+                record_.range.cwiseInverse().asDiagonal() * flow.sensitivities * scale_.asDiagonal();
+            p_ = MatrixXd(now_.carried * p_ * now_.carried.transpose());
+            const double share = typical_ > 0.0 ? duration / typical_ : 1.0;
+            p_.diagonal().head(n_).array() += noise_.process * noise_.process * share;
+        } else {
+            p_.diagonal().head(n_).array() += unknown_state * unknown_state;
+        }
+    }
+
+    void read(Index sample) {
+        for (std::size_t i = 0; i < record_.coordinates.size(); ++i) {
+            const double value = record_.values(static_cast<Index>(i), sample);
+            if (std::isfinite(value)) take(i, value, sample);
+        }
+        now_.state = x_;
+        now_.covariance = p_;
+    }
+
+    [[nodiscard]] Step& now() { return now_; }
+    [[nodiscard]] const VectorXd& theta() const { return theta_; }
+    [[nodiscard]] double misfit() const { return misfit_; }
+    [[nodiscard]] VectorXd surprise() const {
+        constexpr double normal_median = 1.4826;  // sd of a normal error over the median of its absolute value
+        VectorXd result(std::ssize(errors_));
+        for (std::size_t i = 0; i < errors_.size(); ++i)
+            result[static_cast<Index>(i)] = normal_median * models::upper_median(errors_[i]);
+        return result;
+    }
+
+private:
+    struct Reading {
+        double error = 0.0;
+        VectorXd slope;
+    };
+    /// What is read at x, against `value`; an infinite error where nothing can be read.
+    [[nodiscard]] Reading reading(std::size_t i, double value, Index sample, const VectorXd& x,
+                                  const VectorXd& theta) const {
+        const std::array<double, 1> phase{record_.phases[static_cast<std::size_t>(sample)]};
+        const auto read = record_.system.readings(record_.sensor, x, phase, theta, record_.free, filter_flow);
+        const Index row = record_.coordinates[i];
+        if (read.status != models::FlowStatus::ok || !std::isfinite(read.readings(row, 0)) ||
+            !read.derivatives.row(row).allFinite())
+            return {std::numeric_limits<double>::infinity(), {}};
+        Reading result{value - read.readings(row, 0), read.derivatives.row(row).transpose().cwiseProduct(scale_)};
+        if (models::reads_angle(record_.sensor, record_.system.coordinates(), static_cast<std::size_t>(row)))
+            result.error = models::wrapped(result.error);
+        return result;
+    }
+
+    void take(std::size_t i, double value, Index sample) {
+        constexpr int rounds = 4;
+        constexpr double smallest_move = 1e-6;  // of the ranges
+        const double sd = noise_.readings[static_cast<Index>(i)];
+        VectorXd change = VectorXd::Zero(all_);  // in units of scale_
+        Used used;
+        double first_error = 0.0;
+        for (int round = 0; round < rounds; ++round) {
+            const Reading here =
+                reading(i, value, sample, x_ + record_.range.cwiseProduct(change.head(n_)), moved(change));
+            if (!std::isfinite(here.error)) {
+                if (round == 0) return;
+                break;
+            }
+            used.slope = here.slope;
+            used.innovation = here.error + here.slope.dot(change);
+            const VectorXd spread = p_ * here.slope;
+            used.variance = here.slope.dot(spread) + sd * sd;
+            used.gain = spread / used.variance;
+            if (round == 0) {
+                first_error = here.error;
+                misfit_ += here.error * here.error / used.variance + std::log(used.variance);
+            }
+            const VectorXd next = used.gain * used.innovation;
+            const bool same = (next - change).norm() <= smallest_move;
+            if (!next.allFinite() || !in_domain(record_.system, moved(next))) break;
+            change = next;
+            if (same) break;
+        }
+        errors_[i].push_back(std::abs(first_error));
+        x_ += record_.range.cwiseProduct(change.head(n_));
+        theta_ = moved(change);
+        // (I - K h) P (I - K h)^T + K sd^2 K^T stays positive.
+        const MatrixXd kept = MatrixXd::Identity(all_, all_) - used.gain * used.slope.transpose();
+        p_ = MatrixXd(kept * p_ * kept.transpose() + sd * sd * used.gain * used.gain.transpose());
+        now_.used.push_back(std::move(used));
+    }
+
+    /// Parameters after a change.
+    [[nodiscard]] VectorXd moved(const VectorXd& change) const {
+        VectorXd theta = theta_;
+        for (std::size_t j = 0; j < record_.free.size(); ++j)
+            theta[record_.free[j]] += record_.free_sd[static_cast<Index>(j)] * change[n_ + static_cast<Index>(j)];
+        return theta;
+    }
+
+    const FollowedRecord& record_;
+    const FilterNoise& noise_;
+    Index n_;
+    Index all_;       ///< coordinates and free parameters
+    VectorXd theta_;  ///< shape (q)
+    VectorXd scale_;  ///< shape (all_)
+    double typical_;
+    VectorXd x_;
+    MatrixXd p_;
+    Step now_;
+    double misfit_ = 0.0;
+    std::vector<std::vector<double>> errors_;
+};
+
+/// The way back: what later readings say of earlier states.
+MatrixXd smoothed(const FollowedRecord& record, const std::vector<Step>& steps) {
+    const Index n = record.system.dimension();
+    MatrixXd states(n, std::ssize(steps));
+    VectorXd later = VectorXd::Zero(n + std::ssize(record.free));
+    for (std::size_t k = steps.size(); k-- > 0;) {
+        const Step& step = steps[k];
+        states.col(static_cast<Index>(k)) = step.state - record.range.cwiseProduct((step.covariance * later).head(n));
+        for (auto used = step.used.rbegin(); used != step.used.rend(); ++used)
+            later += used->slope * (-used->innovation / used->variance - used->gain.dot(later));
+        later = step.carried.transpose() * later;
+    }
+    return states;
+}
+
+}  // namespace
+
+FilteredStates filtered_states(const FollowedRecord& record, const VectorXd& start, const FilterNoise& noise,
+                               Index samples) {
+    Filter filter(record, noise);
+    filter.begin(start);
+    std::vector<Step> steps;
+    for (Index k = 0; k < samples; ++k) {
+        if (k > 0) filter.advance(k);
+        filter.read(k);
+        steps.push_back(std::move(filter.now()));
+    }
+    return {smoothed(record, steps), filter.theta(), filter.surprise(), filter.misfit()};
+}
+
+FilteredStates followed_states(const FollowedRecord& record, const VectorXd& start, const VectorXd& roughness) {
+    constexpr Index looked_at = 500;
+    constexpr int rounds = 2;
+    constexpr std::array<double, 7> reading_shares{1.0, 0.3, 0.1, 0.03, 0.01, 1e-3, 1e-4};
+    constexpr std::array<double, 10> process{0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5};
+    const Index samples = record.values.cols();
+    const Index few = std::min(samples, looked_at);
+    FilterNoise best{roughness, 1e-2};
+    double least = std::numeric_limits<double>::infinity();
+    const auto consider = [&](const FilterNoise& noise) {
+        const double misfit = filtered_states(record, start, noise, few).misfit;
+        if (!(misfit < least)) return;
+        least = misfit;
+        best = noise;
+    };
+    for (int round = 0; round < rounds; ++round) {
+        const VectorXd readings = best.readings;
+        for (const double one : process)
+            consider({readings, one});
+        const double error = best.process;
+        for (const double share : reading_shares)
+            consider({share * roughness, error});
+    }
+    return filtered_states(record, start, best, samples);
+}
+
+}  // namespace orbid::orbits
