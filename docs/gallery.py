@@ -27,31 +27,31 @@ NOTHING_FITTED = {"/estimate/parameters": {}, "/reference": {}}
 SYSTEMS = [
     System("Silverbox", "silverbox", "an electronic oscillator with a hardening spring", "silverbox prediction",
            "rms error of the predicted multisine test", "1.49 (GRU network)",
-           "silverbox /prediction/1/rms/y * 1000 .3f", "mV", "silverbox", quick=True),
+           "{{silverbox /prediction/1/rms/y * 1000 .3f}}", "mV", "silverbox", quick=True),
     System("Flutter rig", "flutter", "limit cycles of a wing over the wind speed", "flutter_speed branch",
-           "rms deviation of heave amplitudes, stable and unstable cycles", "ratio flutter_fit:flutter_branch h.half_range .1f",
-           "ratio flutter_fit h.half_range .1f", "%", "flutter_fit",
+           "rms deviation of heave amplitudes, stable and unstable cycles", "{{ratio flutter_fit:flutter_branch h.half_range .1f}}",
+           "{{ratio flutter_fit h.half_range .1f}}", "%", "flutter_fit",
            variants={"flutter_speed": ("flutter_branch", {"/periodic/continuation/plot": "vh"})}),
     System("Swinging pendulum", "swing", "a real pendulum comes to rest", "pendulum_swing_friction prediction --format png --dpi 200",
-           "rms error of the largest swings, predicted", "rms swing_published predicted * 1000 .1f",
-           "rms pendulum_swing_friction predicted * 1000 .2f", "mrad", "pendulum_swing_friction", quick=True,
+           "rms error of the largest swings, predicted", "{{rms swing_published predicted * 1000 .1f}}",
+           "{{rms pendulum_swing_friction predicted * 1000 .2f}}", "mrad", "pendulum_swing_friction", quick=True,
            variants={"swing_published": ("pendulum_swing_friction", NOTHING_FITTED | {"/model/parameters": real_data.PUBLISHED})}),
     System("Double pendulum", "double_pendulum", "a real double pendulum, read by encoders", "double_pendulum prediction",
-           "rms error of predicted windows", "rms arms_published predicted * 1000 .2f",
-           "rms double_pendulum predicted * 1000 .2f", "mrad", "double_pendulum", quick=True,
+           "rms error of predicted windows", "{{rms arms_published predicted * 1000 .2f}}",
+           "{{rms double_pendulum predicted * 1000 .2f}}", "mrad", "double_pendulum", quick=True,
            # Both angles count the same: with estimated sds the states would be fitted to the better one alone.
            variants={"arms_published": ("double_pendulum", NOTHING_FITTED | {
                "/model/variant": "viscous",
                "/estimate/residuals/0/errors": {name: {"distribution": "normal", "sd": 3e-4} for name in ("phi1", "phi2")}})}),
     System("Pendulum with a motor", "pendulum_motor", "a real pendulum driven by a torque", "pendulum_motor prediction",
-           "rms error of the second half, predicted", "0.878", "rms pendulum_motor predicted .3f", "rad", "pendulum_motor", quick=True),
+           "rms error of the second half, predicted", "0.878", "{{rms pendulum_motor predicted .3f}}", "rad", "pendulum_motor", quick=True),
     System("Ion channel", "ion_channel", "current through a real cell under a voltage protocol", "ion_channel prediction",
-           "rms error of the current", "0.0317", "rms ion_channel fitted .4f", "nA", "ion_channel"),
+           "rms error of the current", "0.0317", "{{rms ion_channel fitted .4f}}", "nA", "ion_channel"),
     System("Hare and lynx", "hare_lynx", "pelts of hare and lynx, 1900 to 1920", "hare_lynx prediction",
-           "growth of hares", "0.547 (posterior mean by sampling)", "hare_lynx /parameters/alpha/value .3f", "per year", "hare_lynx",
+           "growth of hares", "0.547 (posterior mean by sampling)", "{{hare_lynx /parameters/alpha/value .3f}}", "per year", "hare_lynx",
            quick=True),
     System("Simulated pendulum", "simulated_pendulum", "the example of the paper: a chaotic section and its cycles",
-           "pendulum_table3 section", "error of the linear damping k2/m", "11.3", "deviation pendulum_table3 k2_over_m .1g", "%",
+           "pendulum_table3 section", "error of the linear damping k2/m", "11.3", "{{deviation pendulum_table3 k2_over_m .1g}}", "%",
            "pendulum_table3"),
 ]
 
@@ -75,8 +75,8 @@ def pictures_table(folder):
 
 
 def figures_row(system, runs):
-    return (f"| [{system.title}]({system.page}.md) | {system.measure} [{system.unit}] | {runs.expression(system.published)} | "
-            f"{runs.expression(system.figure)} | `orbid run configs/{system.job}.json` |")
+    return (f"| [{system.title}]({system.page}.md) | {system.measure} [{system.unit}] | {runs.filled(system.published)} | "
+            f"{runs.filled(system.figure)} | `orbid run configs/{system.job}.json` |")
 
 
 def rows_of(text):

@@ -18,6 +18,7 @@ import json
 import math
 import re
 import subprocess
+import sys
 from dataclasses import dataclass, field
 
 import real_data
@@ -28,15 +29,15 @@ GALLERY = ROOT / "docs" / "gallery"
 
 @dataclass
 class System:
-    """One page. Expressions are those of the prose, without braces."""
+    """One page. Expressions are those of the prose."""
 
     title: str
     page: str       # docs/gallery/NAME.md
     says: str       # what is to be seen in its picture, under it in the index
     picture: str    # JOB PLOT
     measure: str    # what the two figures are
-    published: str  # expression or text
-    figure: str     # expression
+    published: str  # text, or in braces what a run gives
+    figure: str     # what a run gives, in braces
     unit: str
     job: str
     quick: bool = False  # run by the tests
@@ -102,10 +103,10 @@ class Runs:
         return subprocess.run([str(self.bin_dir / "orbid"), *map(str, arguments)], check=True, capture_output=True, text=True).stdout
 
     def expression(self, text):
-        """A number, formatted; text that is none stays."""
+        """A number, formatted."""
         match = re.fullmatch(r"(?:(rms|deviation|ratio) )?([\w:]+) ([/\w][^ ]*)(?: \* (\S+))?(?: (\.\w+))?", text)
         if not match:
-            return text
+            sys.exit(f"{self.system.page}: not an expression: {text}")
         kind, job, what, factor, form = match.groups()
         if kind == "ratio":
             job, _, branch = job.partition(":")
@@ -156,7 +157,8 @@ class Runs:
             rows = [(name, entry | {"reference": given.get(name)}) for name, entry in rows]
             title = ()
         known = any(entry["reference"] is not None for _, entry in rows)
-        lines = ["| parameter | " + (f"{' '.join(title) or 'published'} | " if known else "") + "orbid | 95 % interval |", "|---|---|---|" + "---|" * known]
+        column = f"{' '.join(title) or 'published'} | " if known else ""
+        lines = [f"| parameter | {column}orbid | 95 % interval |", "|---|---|---|" + "---|" * known]
         for name, entry in rows:
             reference, interval = entry["reference"], entry["interval95"]
             unit = "" if entry["unit"] in (None, "1") else f" [{entry['unit']}]"
