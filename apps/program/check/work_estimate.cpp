@@ -157,8 +157,7 @@ private:
             seconds += cycle_points() * amounts_.crossing() * amounts_.directions() / threads_;
         if (stage.uses(ResidualType::series) && estimate.series)
             for (const std::size_t index : estimate.series->data) {
-                // Segments are followed beside each other, and the intervals of a segment if it is divided, several to
-                // a core.
+                // Segments are followed beside each other; intervals as well, several to a core.
                 const double cores = estimate.series->interval
                                          ? 2.0 * threads_
                                          : std::clamp(amounts_.fitted_segments(index), 1.0, threads_);
@@ -171,7 +170,7 @@ private:
         return seconds;
     }
 
-    /// Why the time of a stage is not known; empty: it is.
+    /// Why its time is not known; empty: it is.
     [[nodiscard]] std::string obstacle(const StageJob& stage) const {
         const EstimateJob& estimate = *job_.estimate;
         if (stage.uses(ResidualType::branch)) return "the branch is followed anew at every step, as far as it leads";
