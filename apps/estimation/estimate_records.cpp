@@ -151,6 +151,11 @@ void add_branch_rows(const Workspace& work, const periodic::BranchResidual& resi
                             observed, observed - values[b].e[static_cast<Eigen::Index>(r)],
                             scale != nullptr ? scale->value * known : estimator::nan_value});
         }
+        if (!residual.moves_parameter()) continue;
+        const double at = orbit.binding.base[parameter];
+        rows.push_back({"branch", orbit.label, std::string(work.job.model.parameter(parameter).name), at, at,
+                        at - values[b].e[static_cast<Eigen::Index>(sources.size())],
+                        residual.groups().back().scale.value});
     }
 }
 

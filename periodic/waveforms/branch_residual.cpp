@@ -65,6 +65,12 @@ BranchResidual::BranchResidual(std::shared_ptr<const models::System> system, std
     require_call(system_->inputs().empty(),
                  fmt::format("model {} reads measured inputs: its steady states are not periodic by themselves",
                              system_->name()));
+    require_call(options_.parameter_sd >= 0.0 && std::isfinite(options_.parameter_sd),
+                 fmt::format("parameter_sd is {}, must be >= 0 and finite", options_.parameter_sd));
+    require_call(!moves_parameter() ||
+                     (options_.parameter >= 0 && options_.parameter < std::ssize(system_->parameters())),
+                 fmt::format("parameter {}: model {} has {}", options_.parameter, system_->name(),
+                             system_->parameters().size()));
     require_call(options_.maximum_move > 0.0, fmt::format("maximum_move is {}, must be > 0", options_.maximum_move));
     check_channels();
     require_call(!orbits_.empty(), "at least one motion is needed");
@@ -78,6 +84,7 @@ BranchResidual::BranchResidual(std::shared_ptr<const models::System> system, std
         add_block(orbits_[b].binding, make_layout(b));
     for (const BranchChannel& channel : options_.channels)
         initial_.groups.push_back(make_group(channel));
+    if (moves_parameter()) initial_.groups.push_back(make_parameter_group());
     find_starts(options_.start);
 }
 
@@ -146,6 +153,15 @@ estimator::Group BranchResidual::make_group(const BranchChannel& channel) const 
     return group;
 }
 
+estimator::Group BranchResidual::make_parameter_group() const {
+    const models::Parameter& parameter = system_->parameters()[static_cast<std::size_t>(options_.parameter)];
+    estimator::Group group;
+    group.name = fmt::format("{}.{}", options_.name, parameter.name);
+    group.unit = parameter.unit;
+    group.scale = {false, options_.parameter_sd, estimator::FlatPrior{}};
+    return group;
+}
+
 std::vector<std::size_t> BranchResidual::sources(std::size_t block) const {
     std::vector<std::size_t> measured;
     for (std::size_t c = 0; c < options_.channels.size(); ++c)
@@ -169,6 +185,15 @@ estimator::BlockLayout BranchResidual::make_layout(std::size_t block) const {
         if (channels[measured[r]].known_sds) layout.deviation(static_cast<Index>(r)) = orbit.deviations(c);
         if (layout.observed.size() > 0) layout.observed(static_cast<Index>(r)) = orbit.values(c);
     }
+    if (!moves_parameter()) return layout;
+    layout.latents = 1;
+    layout.group.push_back(static_cast<int>(channels.size()));
+    const double at = orbit.binding.base(options_.parameter);
+    for (VectorXd* known : {&layout.deviation, &layout.observed}) {
+        if (known->size() == 0) continue;
+        known->conservativeResize(known->size() + 1);
+        known->tail(1)(0) = known == &layout.deviation ? 1.0 : at;
+    }
     return layout;
 }
 
@@ -188,7 +213,7 @@ double BranchResidual::misfit(std::size_t block, const estimator::BlockValue& va
 }
 
 SteadyStateResidual::FoundStart BranchResidual::find_start(std::size_t b, const VectorXd& theta) const {
-    return best_of(b, orbits_[b].starts, theta);
+    return best_of(b, {orbits_[b].starts, orbits_[b].starts_at}, theta);
 }
 
 int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& theta) const {
@@ -203,9 +228,10 @@ int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& the
         if (found.known.status != OrbitStatus::converged) return;
         double present = std::numeric_limits<double>::infinity();
         if (active.layout[b].active) {
-            const PeriodicOrbit orbit = solve(b, before, theta, false);
+            const VectorXd place = moved_place(before, theta);
+            const FollowedOrbit orbit = solve(b, before, place, false);
             if (orbit.status == OrbitStatus::converged) {
-                const estimator::BlockValue errors = value(b, before, orbit, theta, {}, false);
+                const estimator::BlockValue errors = value(b, before, orbit, theta, latents_of(place), false);
                 if (errors.status == estimator::BlockStatus::ok) present = misfit(b, errors);
             }
         }
@@ -219,68 +245,99 @@ int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& the
     return static_cast<int>(std::count(changed.begin(), changed.end(), 1));
 }
 
-SteadyStateResidual::FoundStart BranchResidual::best_of(std::size_t b, const std::vector<StartingSolution>& starts,
+SteadyStateResidual::FoundStart BranchResidual::best_of(std::size_t b, const BranchStarts& starts,
                                                         const VectorXd& theta) const {
     FoundStart best;
     best.misfit = std::numeric_limits<double>::infinity();
-    const VectorXd values = binding(b).values(theta);
-    for (const StartingSolution& start : starts) {
-        ShootingOptions options;
-        options.flow = following().flow;
-        options.maximum_distance = std::numeric_limits<double>::infinity();
-        FoundStart found;
-        found.known.orbit = solve_orbit(*system_, values, start, {}, options);
-        found.known.status = found.known.orbit.status;
+    for (std::size_t i = 0; i < starts.orbits.size(); ++i) {
+        const double own = moves_parameter() ? orbits_[b].binding.base(options_.parameter) : 0.0;
+        const double at = i < starts.at.size() ? starts.at[i] : own;
+        FoundStart found = started_from(b, starts.orbits[i], at, theta);
         if (found.known.status != OrbitStatus::converged) continue;
-        // The size of the orbit, as its points show it: never 0.
-        const MatrixXd& points = found.known.orbit.points;
-        found.known.scale = points.rowwise().norm() / std::sqrt(static_cast<double>(points.cols()));
-        const OrbitReadings along(*system_, values, found.known.orbit, {}, std::nullopt, following().flow);
-        if (!along.simulated()) continue;
-        for (Index i = 0; i < points.rows(); ++i) {
-            const auto range = along.measure(OrbitMeasure::half_range, i);
-            const auto rms = along.measure(OrbitMeasure::rms, i);
-            const double size = range ? std::max(range->value, rms->value) : full_turn;
-            found.known.scale(i) = size > 0.0 ? size : 1.0;
-        }
-        found.known.orbit.sensitivities.resize(0, 0);
-        const PeriodicOrbit solved = solve_near(b, found.known, theta, true);
-        if (solved.status != OrbitStatus::converged) continue;
-        keep(found.known, b, solved, theta);
-        const estimator::BlockValue errors = value(b, found.known, solved, theta, {}, false);
-        if (errors.status != estimator::BlockStatus::ok) continue;
-        found.misfit = misfit(b, errors);
         if (found.misfit < resembling && found.misfit < best.misfit) best = std::move(found);
     }
     return best;
 }
 
-estimator::BlockValue BranchResidual::value(std::size_t b, const Known& /*known*/, const PeriodicOrbit& orbit,
-                                            const VectorXd& theta, const VectorXd& /*latents*/,
-                                            bool derivatives) const {
-    const VectorXd values = binding(b).values(theta);
+SteadyStateResidual::FoundStart BranchResidual::started_from(std::size_t b, const StartingSolution& start, double at,
+                                                             const VectorXd& theta) const {
+    const VectorXd values = values_at(b, theta, at);
+    ShootingOptions options;
+    options.flow = following().flow;
+    options.maximum_distance = std::numeric_limits<double>::infinity();
+    FoundStart found;
+    Known& known = found.known;
+    if (moves_parameter()) {
+        // At the given parameter; next to a fold, where none need exist there, across the motion's own direction.
+        known.orbit = across(values, {start, at, {MatrixXd(), 0.0, 1.0}}, {}, {});
+        if (known.orbit.status != OrbitStatus::converged)
+            known.orbit = across(values, {start, at, {start.points, 0.0, 0.0}}, {}, {});
+    } else {
+        known.orbit = FollowedOrbit(solve_orbit(*system_, values, start, {}, options));
+    }
+    known.status = known.orbit.status;
+    if (known.status != OrbitStatus::converged) return found;
+    known.status = OrbitStatus::not_simulated;
+    // The size of the orbit, as its points show it: never 0.
+    const MatrixXd& points = known.orbit.points;
+    known.scale = points.rowwise().norm() / std::sqrt(static_cast<double>(points.cols()));
+    const VectorXd there = values_at(b, theta, known.orbit.parameter);
+    const OrbitReadings along(*system_, there, known.orbit, {}, std::nullopt, following().flow);
+    if (!along.simulated()) return found;
+    for (Index i = 0; i < points.rows(); ++i) {
+        const auto range = along.measure(OrbitMeasure::half_range, i);
+        const auto rms = along.measure(OrbitMeasure::rms, i);
+        const double size = range ? std::max(range->value, rms->value) : full_turn;
+        known.scale(i) = size > 0.0 ? size : 1.0;
+    }
+    VectorXd place = theta;
+    if (moves_parameter()) {
+        const Measures own = measured(b, there, known.orbit, {}, false);
+        if (!own.found) return found;
+        place.conservativeResize(theta.size() + 1);
+        place.tail(1) = own.values.head(1);
+    } else {
+        known.orbit.sensitivities.resize(0, 0);
+    }
+    FollowedOrbit solved = solve_near(b, known, place, true);
+    known.status = solved.status;
+    if (known.status != OrbitStatus::converged) return found;
+    const estimator::BlockValue errors = value(b, known, solved, theta, latents_of(place), false);
+    if (errors.status != estimator::BlockStatus::ok) known.status = OrbitStatus::not_simulated;
+    else found.misfit = misfit(b, errors);
+    keep(known, b, std::move(solved), place);
+    return found;
+}
+
+estimator::BlockValue BranchResidual::value(std::size_t b, const Known& /*known*/, const FollowedOrbit& orbit,
+                                            const VectorXd& theta, const VectorXd& latents, bool derivatives) const {
     const std::span<const Index> free(binding(b).parameter);
-    const OrbitReadings along(*system_, values, orbit, options_.sensor,
-                              derivatives ? std::optional<std::span<const Index>>(free) : std::nullopt,
-                              following().flow);
-    if (!along.simulated()) return failed();
-    const auto measured = sources(b);
+    const Measures predicted = measured(b, values_at(b, theta, orbit.parameter), orbit, free, derivatives);
+    if (!predicted.found) return failed();
+    const auto channels = sources(b);
+    const auto count = std::ssize(channels);
+    const auto f = std::ssize(free);
     estimator::BlockValue result;
-    result.e.resize(std::ssize(measured));
-    MatrixXd by_parameter(derivatives ? result.e.size() : 0, std::ssize(free));
-    for (std::size_t r = 0; r < measured.size(); ++r) {
-        const BranchChannel& channel = options_.channels[measured[r]];
-        const auto predicted = along.measure(channel.measure, channel.coordinate);
-        if (!predicted) return failed();
-        const auto row = static_cast<Index>(r);
-        result.e(row) = orbits_[b].values(static_cast<Index>(measured[r])) - predicted->value;
-        if (derivatives) by_parameter.row(row) = -predicted->by_parameters;
+    result.e.resize(count + latents.size());
+    for (Index r = 0; r < count; ++r)
+        result.e(r) = orbits_[b].values(static_cast<Index>(channels[static_cast<std::size_t>(r)])) -
+                      predicted.values(r);
+    if (moves_parameter()) {
+        // The latent state itself: solved for to rounding only.
+        result.e(0) += predicted.values(0) - latents(0);
+        result.e(count) = orbits_[b].binding.base(options_.parameter) - orbit.parameter;
     }
     if (derivatives) {
-        result.e_theta = binding(b).spread(by_parameter);
-        result.e_z.resize(result.e.size(), 0);
+        MatrixXd slopes = -predicted.slopes;
+        if (moves_parameter()) {
+            slopes.row(0) << Eigen::RowVectorXd::Zero(f), -1.0;
+            slopes.conservativeResize(count + 1, Eigen::NoChange);
+            slopes.bottomRows(1) = -orbit.parameter_sensitivities;
+        }
+        result.e_theta = binding(b).spread(slopes.leftCols(f));
+        result.e_z = slopes.rightCols(latents.size());
     }
-    if (!result.e.allFinite() || !result.e_theta.allFinite()) return failed();
+    if (!result.e.allFinite() || !result.e_theta.allFinite() || !result.e_z.allFinite()) return failed();
     return result;
 }
 
