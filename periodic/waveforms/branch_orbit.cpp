@@ -1,5 +1,5 @@
-// The orbits of measured motions on their branch: at the measured parameter, or where that has an error at a place that
-// the first measure of the motion gives.
+// The orbits of measured motions on their branch: at the measured parameter, or where that has an error at a place on the
+// branch, the latent state of the motion.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +7,7 @@
 
 #include "periodic/branches/orbit_across.hpp"
 #include "periodic/orbit/eigen_names.hpp"
+#include "periodic/orbit/winding_number.hpp"
 #include "periodic/waveforms/branch_residual.hpp"
 
 namespace orbid::periodic {
@@ -14,11 +15,11 @@ namespace {
 
 using Eigen::RowVectorXd;
 
-/// Newton's steps along the branch to the wanted measure.
+/// Newton's steps along the branch to the wanted place.
 constexpr int most_steps_along = 12;
-/// They end when the measure is met to this share of itself: far below what the flow leaves of the others.
+/// They end when the place is met to this share of itself or of one: far below what the flow leaves of the measures.
 constexpr double met = 1e-11;
-/// or, where the measure no longer comes nearer, to this one.
+/// or, where it no longer comes nearer, to this one.
 constexpr double nearly_met = 1e-8;
 
 }  // namespace
@@ -54,7 +55,37 @@ VectorXd BranchResidual::placed(std::size_t /*block*/, const VectorXd& theta, co
 VectorXd BranchResidual::starting_latents(std::size_t block, const Known& known) const {
     if (!moves_parameter()) return {};
     if (known.place.size() > 0) return latents_of(known.place);
-    return VectorXd::Constant(1, orbits_[block].values(static_cast<Index>(sources(block).front())));
+    const bool measure = system_->kind() == models::Kind::autonomous;
+    return VectorXd::Constant(1, measure ? orbits_[block].values(static_cast<Index>(sources(block).front())) : 0.0);
+}
+
+PhaseOrigin BranchResidual::origin_at(const FollowedOrbit& orbit, const VectorXd& scale) const {
+    PhaseOrigin origin;
+    if (system_->kind() == models::Kind::autonomous) return origin;
+    const VectorXd units = scale.replicate(orbit.points.cols(), 1);
+    const VectorXd tangent = orbit.sensitivities.rightCols(1).cwiseQuotient(units);
+    origin.point = orbit.points.reshaped();
+    origin.normal = tangent.cwiseQuotient(units) / std::max(tangent.norm(), std::numeric_limits<double>::min());
+    return origin;
+}
+
+BranchResidual::Place BranchResidual::place_of(std::size_t block, const PhaseOrigin& origin, const VectorXd& values,
+                                               const FollowedOrbit& orbit, std::span<const Index> free) const {
+    Place place;
+    if (system_->kind() == models::Kind::autonomous) {
+        const Measures own = measured(block, values, orbit, free, true);
+        place.found = own.found;
+        if (!own.found) return place;
+        place.value = own.values(0);
+        place.slope = own.slopes.row(0);
+        return place;
+    }
+    const MatrixXd from = origin.point.reshaped(orbit.points.rows(), orbit.points.cols());
+    const MatrixXd moved = wrapped_angles(orbit.points - from, angle_coordinates(*system_));
+    place.found = true;
+    place.value = origin.normal.dot(moved.reshaped());
+    place.slope = origin.normal.transpose() * orbit.sensitivities;
+    return place;
 }
 
 FollowedOrbit BranchResidual::spread(std::size_t block, FollowedOrbit orbit) const {
@@ -130,18 +161,18 @@ BranchResidual::Measures BranchResidual::measured(std::size_t block, const Vecto
     return result;
 }
 
-FollowedOrbit BranchResidual::by_measure(std::size_t block, const VectorXd& values, FollowedOrbit orbit) const {
-    const Measures own = measured(block, values, orbit, binding(block).parameter, true);
+FollowedOrbit BranchResidual::by_place(std::size_t block, const PhaseOrigin& origin, const VectorXd& values,
+                                       FollowedOrbit orbit) const {
+    const Place own = place_of(block, origin, values, orbit, binding(block).parameter);
     if (!own.found) {
         orbit.status = OrbitStatus::not_simulated;
         return orbit;
     }
-    const Index f = own.slopes.cols() - 1;
-    const RowVectorXd slope = own.slopes.row(0);
-    // ds = (dz - m_theta dtheta) / m_s, s along the branch
+    const Index f = own.slope.size() - 1;
+    // ds = (dz - z_theta dtheta) / z_s, s along the branch
     const auto exchanged = [&](auto& columns) {
-        columns.col(f) /= slope(f);
-        columns.leftCols(f) -= columns.col(f) * slope.head(f);
+        columns.col(f) /= own.slope(f);
+        columns.leftCols(f) -= columns.col(f) * own.slope.head(f);
     };
     exchanged(orbit.sensitivities);
     exchanged(orbit.parameter_sensitivities);
@@ -162,7 +193,7 @@ FollowedOrbit BranchResidual::solve_near(std::size_t block, const Known& from, c
     if (from.place.size() > 0) step = place - from.place;
     const bool autonomous = system_->kind() == models::Kind::autonomous;
     const PredictedOrbit predicted = predicted_orbit(from.orbit, step, autonomous);
-    FollowedOrbit orbit = at_measure(block, theta, latents_of(place)(0), predicted, from.scale);
+    FollowedOrbit orbit = at_place(block, from, theta, latents_of(place)(0), predicted);
     if (orbit.status != OrbitStatus::converged) return orbit;
     const MatrixXd move = orbit.points.leftCols(predicted.start.points.cols()) - predicted.start.points;
     orbit.distance = (move.array().colwise() / from.scale.array()).abs().maxCoeff();
@@ -171,11 +202,11 @@ FollowedOrbit BranchResidual::solve_near(std::size_t block, const Known& from, c
     const PredictedOrbit here = predicted_orbit(orbit, VectorXd::Zero(1), autonomous);
     orbit = across(values_at(block, theta, here.parameter), here, binding(block).parameter, from.scale);
     if (orbit.status != OrbitStatus::converged) return orbit;
-    return by_measure(block, values_at(block, theta, orbit.parameter), std::move(orbit));
+    return by_place(block, from.origin, values_at(block, theta, orbit.parameter), std::move(orbit));
 }
 
-FollowedOrbit BranchResidual::at_measure(std::size_t block, const VectorXd& theta, double wanted,
-                                         PredictedOrbit predicted, const VectorXd& scale) const {
+FollowedOrbit BranchResidual::at_place(std::size_t block, const Known& from, const VectorXd& theta, double wanted,
+                                       PredictedOrbit predicted) const {
     FollowedOrbit orbit;
     orbit.status = OrbitStatus::not_simulated;
     double before = std::numeric_limits<double>::infinity();
@@ -184,18 +215,19 @@ FollowedOrbit BranchResidual::at_measure(std::size_t block, const VectorXd& thet
         const bool finite = predicted.start.points.allFinite() && std::isfinite(predicted.start.time);
         orbit.status = OrbitStatus::not_simulated;
         if (!finite || !in_domain(values)) return orbit;
-        orbit = across(values, predicted, {}, scale);
+        orbit = across(values, predicted, {}, from.scale);
         if (orbit.status != OrbitStatus::converged) return orbit;
-        const Measures own = measured(block, values_at(block, theta, orbit.parameter), orbit, {}, true);
+        const Place own = place_of(block, from.origin, values_at(block, theta, orbit.parameter), orbit, {});
         orbit.status = OrbitStatus::not_simulated;
         if (!own.found) return orbit;
-        const double off = std::abs(wanted - own.values(0)) / std::abs(wanted);
-        if (off <= met || wanted == own.values(0) || (off < nearly_met && off >= 0.1 * before)) {
+        const double unit = system_->kind() == models::Kind::autonomous ? std::abs(wanted) : 1.0;
+        const double off = std::abs(wanted - own.value) / unit;
+        if (off <= met || (off < nearly_met && off >= 0.1 * before)) {
             orbit.status = OrbitStatus::converged;
             return orbit;
         }
         before = off;
-        const VectorXd along = VectorXd::Constant(1, (wanted - own.values(0)) / own.slopes(0, 0));
+        const VectorXd along = VectorXd::Constant(1, (wanted - own.value) / own.slope(0));
         predicted = predicted_orbit(orbit, along, system_->kind() == models::Kind::autonomous);
     }
     orbit.status = OrbitStatus::iteration_limit;

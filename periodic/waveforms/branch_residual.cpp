@@ -292,10 +292,11 @@ SteadyStateResidual::FoundStart BranchResidual::started_from(std::size_t b, cons
     }
     VectorXd place = theta;
     if (moves_parameter()) {
-        const Measures own = measured(b, there, known.orbit, {}, false);
+        known.origin = origin_at(known.orbit, known.scale);
+        const Place own = place_of(b, known.origin, there, known.orbit, {});
         if (!own.found) return found;
         place.conservativeResize(theta.size() + 1);
-        place.tail(1) = own.values.head(1);
+        place.tail(1)(0) = own.value;
     } else {
         known.orbit.sensitivities.resize(0, 0);
     }
@@ -322,15 +323,10 @@ estimator::BlockValue BranchResidual::value(std::size_t b, const Known& /*known*
     for (Index r = 0; r < count; ++r)
         result.e(r) = orbits_[b].values(static_cast<Index>(channels[static_cast<std::size_t>(r)])) -
                       predicted.values(r);
-    if (moves_parameter()) {
-        // The latent state itself: solved for to rounding only.
-        result.e(0) += predicted.values(0) - latents(0);
-        result.e(count) = orbits_[b].binding.base(options_.parameter) - orbit.parameter;
-    }
+    if (moves_parameter()) result.e(count) = orbits_[b].binding.base(options_.parameter) - orbit.parameter;
     if (derivatives) {
         MatrixXd slopes = -predicted.slopes;
         if (moves_parameter()) {
-            slopes.row(0) << Eigen::RowVectorXd::Zero(f), -1.0;
             slopes.conservativeResize(count + 1, Eigen::NoChange);
             slopes.bottomRows(1) = -orbit.parameter_sensitivities;
         }

@@ -75,8 +75,9 @@ struct BranchOptions {
 ///     e_c = y_c - m_c(x*(theta)),    m: an OrbitMeasure of a reading of the orbit x*
 ///
 /// One block per motion. Where the parameter u was measured with an error, e_u = u - u* joins the block, and the block
-/// has one latent state: the true value of the first of its measures. The orbit of the branch that has it is solved for
-/// together with its parameter u*. So motions pass folds, where a given parameter has two orbits or none. Without such
+/// has one latent state, the place z of the motion on the branch: of limit cycles the true value of the first of its
+/// measures, of forced motions how far their points have moved along the branch since the start, relative to the motion.
+/// The orbit at that place is solved for together with its parameter u*. So motions pass folds, where a given parameter has two orbits or none. Without such
 /// an error there are no latent states. The orbits are followed as SteadyStateResidual says. What counts is the
 /// motion itself, not its stability: unstable orbits, as control-based continuation measures them, are data like
 /// others.
@@ -113,6 +114,12 @@ private:
         Eigen::VectorXd values;
         Eigen::MatrixXd slopes;
     };
+    /// The place of an orbit on its branch, and its derivatives by the columns of the orbit's sensitivities.
+    struct Place {
+        bool found = false;
+        double value = 0.0;
+        Eigen::RowVectorXd slope;
+    };
     void check_channels() const;
     void check_orbit(const MeasuredOrbit& orbit) const;
     [[nodiscard]] estimator::Group make_group(const BranchChannel& channel) const;
@@ -140,14 +147,18 @@ private:
     /// parameters, then along the branch.
     [[nodiscard]] FollowedOrbit across(const Eigen::VectorXd& values, const PredictedOrbit& predicted,
                                        std::span<const Eigen::Index> free, const Eigen::VectorXd& scale) const;
-    /// The orbit on the branch whose first measure has this value; sensitivities along the branch alone.
-    [[nodiscard]] FollowedOrbit at_measure(std::size_t block, const Eigen::VectorXd& theta, double wanted,
-                                           PredictedOrbit predicted, const Eigen::VectorXd& scale) const;
+    /// Where places of forced motions are counted from: points and the direction of the branch.
+    [[nodiscard]] PhaseOrigin origin_at(const FollowedOrbit& orbit, const Eigen::VectorXd& scale) const;
+    [[nodiscard]] Place place_of(std::size_t block, const PhaseOrigin& origin, const Eigen::VectorXd& values,
+                                 const FollowedOrbit& orbit, std::span<const Eigen::Index> free) const;
+    /// The orbit at a place; sensitivities along the branch alone.
+    [[nodiscard]] FollowedOrbit at_place(std::size_t block, const Known& from, const Eigen::VectorXd& theta,
+                                         double wanted, PredictedOrbit predicted) const;
     [[nodiscard]] Measures measured(std::size_t block, const Eigen::VectorXd& values, const FollowedOrbit& orbit,
                                     std::span<const Eigen::Index> free, bool derivatives) const;
-    /// The first measure of a block takes the place of the parameter in the last column of derivatives.
-    [[nodiscard]] FollowedOrbit by_measure(std::size_t block, const Eigen::VectorXd& values,
-                                           FollowedOrbit orbit) const;
+    /// The place instead of the arclength in the last column of derivatives.
+    [[nodiscard]] FollowedOrbit by_place(std::size_t block, const PhaseOrigin& origin, const Eigen::VectorXd& values,
+                                         FollowedOrbit orbit) const;
     [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const FollowedOrbit& orbit,
                                               const Eigen::VectorXd& theta, const Eigen::VectorXd& latents,
                                               bool derivatives) const override;

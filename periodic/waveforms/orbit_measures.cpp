@@ -66,10 +66,13 @@ VectorXd weights_at(double s, Index m) {
 OrbitReadings::OrbitReadings(const models::System& system, const VectorXd& theta, const PeriodicOrbit& orbit,
                              const models::Sensor& sensor, std::optional<std::span<const Index>> free,
                              const models::FlowOptions& options) {
-    for (Index count = fewest; count <= most; count *= 2) {
-        simulated_ = read(system, theta, orbit, sensor, free, count, options);
-        if (!simulated_ || resolved()) break;
+    Index count = fewest;
+    for (;; count *= 2) {
+        simulated_ = read(system, theta, orbit, sensor, std::nullopt, count, options);
+        if (!simulated_ || count == most || resolved()) break;
     }
+    // Derivatives cost many times more than readings.
+    if (simulated_ && free) simulated_ = read(system, theta, orbit, sensor, free, count, options);
     const auto f = free ? std::ssize(*free) : Index{0};
     frequency_.by_parameters = RowVectorXd::Zero(f);
     if (system.kind() == models::Kind::forced) {
