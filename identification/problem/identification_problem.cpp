@@ -1,8 +1,8 @@
 #include "identification/problem/identification_problem.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string_view>

@@ -84,9 +84,9 @@ periodic::BranchStarts starts_near(const periodic::BifurcationDiagram& diagram, 
     periodic::BranchStarts starts = starts_at(diagram, at, autonomous);
     if (!starts.orbits.empty()) return starts;
     for (const periodic::Branch& branch : diagram.branches) {
-        const auto near = std::min_element(branch.points.begin(), branch.points.end(), [&](const auto& a, const auto& b) {
-            return std::abs(a.parameter - at) < std::abs(b.parameter - at);
-        });
+        const auto near = std::min_element(
+            branch.points.begin(), branch.points.end(),
+            [&](const auto& a, const auto& b) { return std::abs(a.parameter - at) < std::abs(b.parameter - at); });
         if (near == branch.points.end()) continue;
         starts.orbits.push_back(between(*near, *near, near->parameter, autonomous));
         starts.at.push_back(near->parameter);

@@ -107,8 +107,8 @@ public:
     [[nodiscard]] Correction corrected(const VectorXd& guess, const VectorXd& direction, double tolerance,
                                        int maximum_iterations, const VectorXd* locked = nullptr) const;
 
-    /// How the orbit at a point moves with further parameters, within the plane across the tangent, and along the tangent
-    /// of norm one: shape (size, free.size() + 1). Not finite where two branches meet.
+    /// How the orbit at a point moves with further parameters, within the plane across the tangent, and along the
+    /// tangent of norm one: shape (size, free.size() + 1). Not finite where two branches meet.
     [[nodiscard]] MatrixXd moves_across(const CurvePoint& point, std::span<const Index> free) const;
 
     /// Jacobians, residual and multipliers at the point itself; those of Newton's last step belong to where the step

@@ -38,9 +38,10 @@ struct BranchOrbit {
 /// @param free       parameters, not `parameter` itself.
 /// @param range      unit of the parameter, > 0.
 /// @return status converged, not_simulated, singular or no_progress; `distance` of the whole orbit from the guess
-[[nodiscard]] BranchOrbit orbit_across(const models::System& system, const Eigen::VectorXd& theta, Eigen::Index parameter,
-                                       double range, const StartingSolution& start, const BranchDirection& direction,
-                                       std::span<const Eigen::Index> free, const ShootingOptions& options);
+[[nodiscard]] BranchOrbit orbit_across(const models::System& system, const Eigen::VectorXd& theta,
+                                       Eigen::Index parameter, double range, const StartingSolution& start,
+                                       const BranchDirection& direction, std::span<const Eigen::Index> free,
+                                       const ShootingOptions& options);
 
 }  // namespace orbid::periodic
 

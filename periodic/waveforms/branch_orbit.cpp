@@ -1,5 +1,5 @@
-// The orbits of measured motions on their branch: at the measured parameter, or where that has an error at a place on the
-// branch, the latent state of the motion.
+// The orbits of measured motions on their branch: at the measured parameter, or where that has an error at a place on
+// the branch, the latent state of the motion.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -114,8 +114,8 @@ FollowedOrbit BranchResidual::across(const VectorXd& values, const PredictedOrbi
     options.flow = following().flow;
     options.scale = scale;
     const double range = std::max(std::abs(values(options_.parameter)), options_.parameter_sd);
-    BranchOrbit found = orbit_across(*system_, values, options_.parameter, range, predicted.start,
-                                     predicted.direction, free, options);
+    BranchOrbit found =
+        orbit_across(*system_, values, options_.parameter, range, predicted.start, predicted.direction, free, options);
     FollowedOrbit orbit(std::move(found.orbit));
     orbit.parameter = found.parameter;
     orbit.parameter_sensitivities = std::move(found.parameter_sensitivities);

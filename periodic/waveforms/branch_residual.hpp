@@ -41,7 +41,7 @@ struct MeasuredOrbit {
     /// Newton's method comes to from here the one with the least misfit is taken, if it resembles the motion.
     std::vector<StartingSolution> starts;
     /// Where the parameter is not known exactly: its value at each of `starts`; empty: the one in `binding`.
-    std::vector<double> starts_at;
+    std::vector<double> starts_at{};
 };
 
 /// Orbits of the model that may be a measured one, as in MeasuredOrbit.
@@ -76,11 +76,11 @@ struct BranchOptions {
 ///
 /// One block per motion. Where the parameter u was measured with an error, e_u = u - u* joins the block, and the block
 /// has one latent state, the place z of the motion on the branch: of limit cycles the true value of the first of its
-/// measures, of forced motions how far their points have moved along the branch since the start, relative to the motion.
-/// The orbit at that place is solved for together with its parameter u*. So motions pass folds, where a given parameter has two orbits or none. Without such
-/// an error there are no latent states. The orbits are followed as SteadyStateResidual says. What counts is the
-/// motion itself, not its stability: unstable orbits, as control-based continuation measures them, are data like
-/// others.
+/// measures, of forced motions how far their points have moved along the branch since the start, relative to the
+/// motion. The orbit at that place is solved for together with its parameter u*. So motions pass folds, where a given
+/// parameter has two orbits or none. Without such an error there are no latent states. The orbits are followed as
+/// SteadyStateResidual says. What counts is the motion itself, not its stability: unstable orbits, as control-based
+/// continuation measures them, are data like others.
 class BranchResidual final : public SteadyStateResidual {
 public:
     /// @throws std::invalid_argument naming value and rule. Model: one with measured inputs, or a map. No motion or

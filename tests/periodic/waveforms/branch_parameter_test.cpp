@@ -35,9 +35,8 @@ constexpr double omega_sd = 0.01, reading_sd = 0.005;
 
 struct Rig {
     std::shared_ptr<const models::System> system = models::make_system("duffing", "");
-    VectorXd values =
-        with_values(*system, {{"delta", truth(0)}, {"alpha", 1.0}, {"beta", truth(1)}, {"gamma", truth(2)},
-                              {"omega", 1.4}});
+    VectorXd values = with_values(
+        *system, {{"delta", truth(0)}, {"alpha", 1.0}, {"beta", truth(1)}, {"gamma", truth(2)}, {"omega", 1.4}});
     Index omega = system->parameter_index("omega");
 };
 
@@ -137,8 +136,7 @@ TEST_CASE("beyond a fold a motion keeps its orbit, with derivatives at the fold 
     CHECK_THAT(value[0].e(2), WithinAbs(beyond - fold.parameter, 1e-9));
     CHECK_THAT(value[0].e_z(2, 0), WithinAbs(0.0, 1e-5));
     for (const double place : {-0.05, 0.05}) {
-        const auto moved =
-            residual.evaluate(residual.initial_set(), truth, {VectorXd::Constant(1, place)}, false);
+        const auto moved = residual.evaluate(residual.initial_set(), truth, {VectorXd::Constant(1, place)}, false);
         REQUIRE(moved[0].status == estimator::BlockStatus::ok);
         CHECK(moved[0].e(2) > value[0].e(2) + 1e-5);
     }
@@ -162,7 +160,8 @@ TEST_CASE("errors in the parameter of a branch: unbiased next to a fold, where e
             const BranchPoint& point = points[fold + static_cast<std::size_t>(i + 6) * 2 - 12];
             const double omega = point.parameter + omega_sd * random.normal();
             orbits.push_back(motion(rig, point, omega));
-            for (double& reading : orbits.back().values) reading += reading_sd * random.normal();
+            for (double& reading : orbits.back().values)
+                reading += reading_sd * random.normal();
             exact.push_back(orbits.back());
             exact.back().starts_at.clear();
         }
