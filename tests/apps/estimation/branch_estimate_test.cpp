@@ -171,6 +171,26 @@ TEST_CASE("formulas are measured along a branch, which is left behind with the m
                ContainsSubstring("twice.half_range"));
 }
 
+TEST_CASE("branches that cannot be used say why", "[apps][run]") {
+    TemporaryFolder folder;
+    const auto said = [&](const std::string& table, const std::string& text) {
+        write_text(folder.path() / "table.csv", table);
+        const Path job = write_text(folder.path() / "job.json", text);
+        const Outcome outcome = orbid_with({"run", job, "--out", folder.path() / "out", "--force"});
+        CHECK(outcome.code == 3);
+        return outcome.error;
+    };
+    CHECK_THAT(said("w,b,v\n1.2,1,1\n", job_text()), ContainsSubstring("no column \"a\""));
+    CHECK_THAT(said("w,a,v\n,1,1\n", job_text()), ContainsSubstring("a value of omega is missing"));
+    CHECK_THAT(said("w,a,v\n1.2,,\n1.3,1,1\n", job_text()), ContainsSubstring("omega = 1.2: nothing is measured"));
+    CHECK_THAT(said("w,a,v\n9,1,1\n9.1,1,1\n9.2,1,1\n", job_text(R"(, "range": [1.1, 1.3])")),
+               ContainsSubstring("branch") && ContainsSubstring("omega = 9"));
+    std::string text = job_text();
+    text.replace(text.find("[[1.6, 0.4]]"), 12, "[[1e9, 1e9]]");
+    CHECK_THAT(said("w,a,v\n1.2,10,1\n1.3,10,1\n1.4,10,1\n", text),
+               ContainsSubstring("branch: no branch begins at the given orbit"));
+}
+
 TEST_CASE("a job with a continuation of its own keeps it apart from the fitted branch", "[apps][run]") {
     TemporaryFolder folder;
     write_text(folder.path() / "table.csv", measured_branch());
@@ -192,26 +212,6 @@ TEST_CASE("a job with a continuation of its own keeps it apart from the fitted b
     const Outcome wrong = orbid_with({"check", write_text(folder.path() / "wrong.json", text)});
     CHECK(wrong.code == 2);
     CHECK_THAT(wrong.error + wrong.out, ContainsSubstring("/periodic/continuation/plot"));
-}
-
-TEST_CASE("branches that cannot be used say why", "[apps][run]") {
-    TemporaryFolder folder;
-    const auto said = [&](const std::string& table, const std::string& text) {
-        write_text(folder.path() / "table.csv", table);
-        const Path job = write_text(folder.path() / "job.json", text);
-        const Outcome outcome = orbid_with({"run", job, "--out", folder.path() / "out", "--force"});
-        CHECK(outcome.code == 3);
-        return outcome.error;
-    };
-    CHECK_THAT(said("w,b,v\n1.2,1,1\n", job_text()), ContainsSubstring("no column \"a\""));
-    CHECK_THAT(said("w,a,v\n,1,1\n", job_text()), ContainsSubstring("a value of omega is missing"));
-    CHECK_THAT(said("w,a,v\n1.2,,\n1.3,1,1\n", job_text()), ContainsSubstring("omega = 1.2: nothing is measured"));
-    CHECK_THAT(said("w,a,v\n9,1,1\n9.1,1,1\n9.2,1,1\n", job_text(R"(, "range": [1.1, 1.3])")),
-               ContainsSubstring("branch") && ContainsSubstring("omega = 9"));
-    std::string text = job_text();
-    text.replace(text.find("[[1.6, 0.4]]"), 12, "[[1e9, 1e9]]");
-    CHECK_THAT(said("w,a,v\n1.2,10,1\n1.3,10,1\n1.4,10,1\n", text),
-               ContainsSubstring("branch: no branch begins at the given orbit"));
 }
 
 }  // namespace branch_estimate_test
