@@ -39,17 +39,23 @@ std::vector<MeasuredMotion> measured_motions(const periodic::BranchResidual& res
     }
     // Rows and steady states of this residual are in the order of its motions; those without an orbit have no rows.
     auto row = rows.begin();
+    const auto at = static_cast<std::size_t>(parameter);
     const auto first = static_cast<std::ptrdiff_t>(context.steady_states.size() - motions.size());
     for (std::size_t b = 0; b < motions.size(); ++b) {
         const SteadyState& state = context.steady_states[static_cast<std::size_t>(first) + b];
         motions[b].used = state.used;
         if (state.orbit.status == periodic::OrbitStatus::converged) motions[b].unstable = unstable_count(state.orbit);
+        // Two motions may have one label: a lost one has no rows, whatever the next ones say.
+        if (!state.used) continue;
         for (MeasuredMotion::Value& one : motions[b].values) {
             if (row == rows.end() || row->block != motions[b].label || row->coordinate != one.name) break;
             one.predicted = row->predicted;
             one.sd = row->sd;
             ++row;
         }
+        // Rows of the parameter itself, where its measured value has errors.
+        while (row != rows.end() && row->coordinate == residual.system().parameters()[at].name)
+            ++row;
     }
     return motions;
 }

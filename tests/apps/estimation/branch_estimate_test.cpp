@@ -233,4 +233,27 @@ TEST_CASE("branches that cannot be used say why", "[apps][run]") {
                ContainsSubstring("branch: no branch begins at the given orbit"));
 }
 
+TEST_CASE("a job with a continuation of its own keeps it apart from the fitted branch", "[apps][run]") {
+    TemporaryFolder folder;
+    write_text(folder.path() / "table.csv", measured_branch());
+    std::string text = job_text();
+    text.insert(text.rfind('}'), R"(, "periodic": { "orbits": [ { "period": 1, "points": [[1.6, 0.4]] } ],
+        "continuation": { "parameter": "omega", "range": [1.1, 1.3], "plot": "x_dot.rms" } })");
+    const Path job = write_text(folder.path() / "job.json", text);
+    const Path out = folder.path() / "out";
+    const Outcome outcome = orbid_with({"run", job, "--out", out});
+    CAPTURE(outcome.out, outcome.error);
+    REQUIRE(outcome.code == 0);
+    CHECK(read_json(out / "branch.json")["parameter"]["range"] == json({1.1, 1.3}));
+    CHECK_FALSE(read_json(out / "branch.json").contains("measured"));
+    CHECK(read_json(out / "estimate_branch.json")["measured"].size() > 5);
+    CHECK_THAT(apps::read_whole_file(out / "branch.svg"), ContainsSubstring("x_dot.rms"));
+    CHECK_THAT(apps::read_whole_file(out / "estimate_branch.svg"), ContainsSubstring("x.half_range"));
+    CHECK(read_json(out / "job.json")["periodic"]["continuation"]["plot"] == "x_dot.rms");
+    text.replace(text.find("x_dot.rms\" } }"), 9, "x_dit.rms");
+    const Outcome wrong = orbid_with({"check", write_text(folder.path() / "wrong.json", text)});
+    CHECK(wrong.code == 2);
+    CHECK_THAT(wrong.error + wrong.out, ContainsSubstring("/periodic/continuation/plot"));
+}
+
 }  // namespace branch_estimate_test
