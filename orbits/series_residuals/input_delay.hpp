@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include "models/arithmetic/matrix_layout.hpp"
+
 #pragma GCC visibility push(default)
 
 namespace orbid::orbits {

@@ -8,6 +8,7 @@
 #include "orbits/series_residuals/observed_channels.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
 #include "orbits/simulation/node_state.hpp"
+#include "orbits/simulation/state_track.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::orbits {
@@ -132,6 +133,40 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     data->series = std::move(series);
     data->options = std::move(options);
     return data;
+}
+
+/// States of all segments, where readings do not tell them one by one.
+void ShootingResidual::follow_states(Data& data, const VectorXd& all) {
+    data.tracks.resize(data.series.segments.size());
+    data.track_sd = VectorXd::Zero(data.series.dimension());
+    std::vector<Index> free = data.binding.parameter;
+    if (data.options.delay) std::erase(free, data.options.delay->parameter);
+    for (const std::size_t s : data.options.segments) {
+        const models::System& system = *data.systems[data.systems.size() == 1 ? 0 : s];
+        StateTrack track =
+            track_states(system, all, data.series, s, data.options.sensor, data.options.first_state, free);
+        if (data.track_theta.size() == 0) data.track_theta = track.theta;
+        data.tracks[s] = std::move(track.states);
+        data.track_sd = data.track_sd.cwiseMax(track.reading_sd);
+    }
+}
+
+/// Sizes of the coordinates and of what is read in their place.
+void ShootingResidual::take_ranges(Data& data) {
+    const models::System& system = data.system();
+    MatrixXd states(system.dimension(), std::ssize(initial_.latents));
+    for (std::size_t b = 0; b < initial_.latents.size(); ++b)
+        states.col(static_cast<Index>(b)) = initial_.latents[b];
+    const models::Sensor& sensor = data.options.sensor;
+    const bool formulas = sensor.type == models::Sensor::Type::function;
+    data.range = formulas ? state_range(system, states) : coordinate_range(system, data.series, states);
+    const VectorXd read = data.series.scale();
+    for (const ObservedCoordinate& o : data.observed) {
+        if (o.group != std::ssize(data.reading_range)) continue;
+        const bool formula = models::reading_function(sensor, static_cast<std::size_t>(o.coordinate)) != nullptr;
+        data.reading_range.push_back(formula ? read[o.row] : data.range[o.coordinate]);
+    }
+    if (matching_.share > 0.0) matching_.sd = matching_.share * data.range;
 }
 
 void ShootingResidual::make_groups() {

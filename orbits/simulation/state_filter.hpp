@@ -45,7 +45,7 @@ struct FilteredStates {
 ///     x_{k+1} = Phi(x_k) + w,  w ~ normal(0, (process range)^2 dt / mean dt);   y_k = sensor(x_k) + v
 ///
 /// Free parameters are part of the state, which they do not change. Wrong starts of theirs would otherwise bend the
-/// states to their side: with starts off by 15 %, one of fifteen records of a laser was followed on wrong sides of x^2.
+/// states to their side.
 ///
 /// Readings are taken one by one, each linearised anew until it settles. Where the flow cannot be computed the state
 /// stays, and its sd grows to that of the start.

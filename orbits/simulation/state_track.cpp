@@ -84,8 +84,7 @@ public:
 
     /// Over as many samples as errors grow by a factor e on from x, but more readings than twice the coordinates.
     void choose_length(const VectorXd& x) {
-        const Index n = record_.system.dimension();
-        const Index most = std::min(longest_window, record_.values.cols());
+        const Index n = record_.system.dimension(), most = std::min(longest_window, record_.values.cols());
         const Index least = std::min(most, 2 * n / std::ssize(record_.coordinates) + 2);
         length_ = most;
         for (; length_ > least; length_ = std::max(least, length_ / 2)) {

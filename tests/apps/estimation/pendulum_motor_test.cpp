@@ -50,6 +50,7 @@ TEST_CASE("a strategy without a choice by hand gives a sensible pendulum", "[app
     // The published law from its published values.
     job["model"]["equations"]["rate"] =
         "(torque - offset - weight * sin(angle) - viscous * rate - dry * sign(rate)) / inertia";
+    job["model"].erase("definitions");
     job["model"]["parameters"].erase("limit");
     job["estimate"]["parameters"].erase("limit");
     job["estimate"]["parameters"] = {{"inertia", {{"start", 0.06259}}},
