@@ -13,6 +13,7 @@
 
 #include "models/definition/parameter.hpp"
 #include "models/definition/wrong_data.hpp"
+#include "models/system/left_loop.hpp"
 #include "periodic/orbit/eigen_names.hpp"
 #include "periodic/orbit/full_turn.hpp"
 #include "periodic/solution/solve_orbit.hpp"
@@ -216,6 +217,7 @@ int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& the
         active.layout[b].active = true;
         changed[b] = 1;
     });
+    models::stop_if_left();
     return static_cast<int>(std::count(changed.begin(), changed.end(), 1));
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "models/definition/parameter.hpp"
+#include "models/system/left_loop.hpp"
 #include "periodic/orbit/eigen_names.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
@@ -57,6 +58,7 @@ void SteadyStateResidual::find_starts(const VectorXd& theta) {
         remember(initial_, b, known);
         initial_.layout[b].active = known.status == OrbitStatus::converged;
     });
+    models::stop_if_left();
     initial_.memory.push_back(VectorXd::Zero(2));  // anchorings, and what a derived residual counts
 }
 
@@ -143,6 +145,7 @@ std::vector<BlockValue> SteadyStateResidual::evaluate(const estimator::ActiveSet
                 values[b] = value(b, from, orbit, theta, latents[b], derivatives);
         }
     });
+    models::stop_if_left();
     return values;
 }
 
@@ -154,6 +157,7 @@ std::vector<PeriodicOrbit> SteadyStateResidual::solutions(const estimator::Activ
         orbits[b].status = from.status;
         if (from.theta.size() > 0) orbits[b] = solve(b, from, theta, false);
     });
+    models::stop_if_left();
     return orbits;
 }
 
@@ -173,6 +177,7 @@ int SteadyStateResidual::seek_again(estimator::ActiveSet& active, const VectorXd
         remember(active, b, after);
         active.layout[b].active = after.theta.size() > 0 && after.theta == theta;
     });
+    models::stop_if_left();
     return static_cast<int>(
         std::count_if(lost.begin(), lost.end(), [&](std::size_t b) { return active.layout[b].active; }));
 }
@@ -185,6 +190,7 @@ estimator::RefreshReport SteadyStateResidual::update_active_set(estimator::Activ
         const Known from = known(active, b);
         if (from.theta.size() > 0) solved[b] = solve(b, from, theta, true);
     });
+    models::stop_if_left();
     estimator::RefreshReport report;
     bool far = false;
     for (std::size_t b = 0; b < bindings_.size(); ++b) {
