@@ -16,7 +16,7 @@ namespace {
 
 constexpr int bar_width = 20;  // leaves room for rate, remaining time and a word in 80 columns
 constexpr auto shortest_redraw = std::chrono::milliseconds(100);  // smooth to the eye, no cost
-constexpr auto first_line = std::chrono::milliseconds(2000);      // what is done by then tells its end only
+constexpr auto first_line = std::chrono::milliseconds(2000);  // work between stages that is done by then is not told
 
 /// 1234567 -> "1.23 M": three digits and a prefix are all one can read while it changes.
 std::string short_number(double value) {
@@ -119,7 +119,7 @@ void Progress::draw() {
 
 /// Until the end: keeps the bar alive, or writes a line when there was none for long.
 void Progress::watch() {
-    const auto first = std::min<std::chrono::milliseconds>(first_line, every_);
+    const std::chrono::milliseconds first = every_ / 5;
     const auto pause = terminal_ ? std::chrono::milliseconds(500) : std::max(first / 4, shortest_redraw);
     std::unique_lock lock(mutex_);
     while (!over_) {

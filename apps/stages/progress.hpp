@@ -24,8 +24,8 @@ struct StageTime {
 /// Progress of a run on standard error, its log and its times. Thread-safe.
 ///
 /// On a terminal: a line with fraction, rate, state and remaining time that is rewritten, replaced by one line when the
-/// stage is done. Elsewhere: that line, and while a stage runs one about its state, after two seconds and then every
-/// ten. A thread of its own writes them: no computation, however long, is silent. Quiet: nothing, but the log and the
+/// stage is done. Elsewhere: that line, and while a stage runs one about its state every ten seconds, the first after
+/// two. A thread of its own writes them: no computation, however long, is silent. Quiet: nothing, but the log and the
 /// times are kept.
 ///
 ///     Progress progress(options.quiet);
@@ -41,7 +41,8 @@ public:
 
     /// A bar is drawn when the stream's file is a terminal.
     /// @param stream  where to write; not owned. While a stage runs nobody else writes there.
-    /// @param every   longest time between two lines of a stage where there is no terminal, > 0
+    /// @param every   longest time between two lines of a stage where there is no terminal, > 0; the first one comes
+    ///                after a fifth of it
     Progress(bool quiet, std::ostream& stream, std::FILE* terminal, std::chrono::milliseconds every = usual_silence);
     /// @param terminal  draw a bar, whatever the stream is.
     Progress(bool quiet, std::ostream& stream, bool terminal, std::chrono::milliseconds every = usual_silence);

@@ -13,7 +13,6 @@
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/evaluated_model.hpp"
-#include "apps/job/flow_stepper.hpp"
 #include "apps/program/check/point_time.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "identification/problem/problem_residuals.hpp"
@@ -207,39 +206,6 @@ void measure_simulation(const Job& job, std::size_t index, FlowRate& rate) {
         rate.unknown);
 }
 
-/// Of the model with all derivatives, over samples of a steady state.
-void measure_waveform(const Job& job, std::size_t index, FlowRate& rate) {
-    const DataJob& data = job.data[index];
-    const auto& list = job.estimate->waveform->data;
-    const auto at = static_cast<std::size_t>(std::find(list.begin(), list.end(), index) - list.begin());
-    Eigen::VectorXd start = Eigen::VectorXd::Zero(job.model.system->dimension());
-    const auto& experiments = job.estimate->waveform->experiments;
-    if (at < experiments.size() && experiments[at].start.cols() > 0)
-        start = experiments[at].start.col(0);
-    else if (data.simulation && !data.simulation->initial.empty())
-        start = data.simulation->initial.front();
-    const double step = data.simulation ? data.simulation->step : 0.0;
-    if (!(step > 0.0)) return;
-    std::vector<Eigen::Index> free;
-    for (const FreeParameterJob& one : job.estimate->parameters)
-        if (std::find(free.begin(), free.end(), one.parameter) == free.end()) free.push_back(one.parameter);
-    const Eigen::VectorXd theta = data.with_own(starting_parameters(job));
-    rate.derivatives = seconds_per_point(
-        most_points,
-        [&](Eigen::Index count, const std::function<bool()>& late, double& took) -> std::string {
-            std::vector<double> durations;
-            for (Eigen::Index k = 1; k <= count; ++k)
-                durations.push_back(step * static_cast<double>(k));
-            const auto system = job.model.system->with_stop(late);
-            const double begun = processor_seconds();
-            const auto flow =
-                system->flow_with_sensitivities(start, job.section_phase, durations, theta, free, models::Clock::time);
-            took = processor_seconds() - begun;
-            return flow.status == models::FlowStatus::ok ? "" : "the model cannot be followed from its start";
-        },
-        rate.unknown);
-}
-
 }  // namespace
 
 std::vector<FlowRate> measured_rates(const Job& asked, const DataCheck& data) {
@@ -251,9 +217,6 @@ std::vector<FlowRate> measured_rates(const Job& asked, const DataCheck& data) {
         FlowRate& rate = rates[i];
         const DataJob& own = job.data[i];
         const bool sampled = own.sampling() == orbits::Series::Sampling::samples;
-        const bool waveform =
-            job.estimate && job.estimate->waveform &&
-            std::count(job.estimate->waveform->data.begin(), job.estimate->waveform->data.end(), i) > 0;
         const bool fitted = job.estimate && job.estimate->series &&
                             std::count(job.estimate->series->data.begin(), job.estimate->series->data.end(), i) > 0;
         try {

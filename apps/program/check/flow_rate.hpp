@@ -17,8 +17,8 @@ struct FlowRate {
 };
 
 /// Measured on processor time for a tenth of a second or so, one second at most: of a fitted series by evaluating its
-/// first readings at the start of the estimate with all derivatives, of a simulation by a shorter one, of a steady
-/// state by following the model. Stiff or interpreted equations, measured inputs and sensors cost what they cost there.
+/// first readings at the start of the estimate with all derivatives, of a simulation by a shorter one. Stiff or
+/// interpreted equations, measured inputs and sensors cost what they cost there. Other experiments stay empty.
 /// @param data  what the job's files hold
 /// @return one for each experiment; `unknown` also where single shooting over a chaotic record is asked for
 [[nodiscard]] std::vector<FlowRate> measured_rates(const Job& asked, const DataCheck& data);

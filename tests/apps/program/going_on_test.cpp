@@ -92,7 +92,7 @@ void kill_after(const Path& folder, const Path& file, const std::vector<std::str
     const Path out = folder / "killed";
     for (std::size_t i = 0; i < stages.size(); ++i) {
         CAPTURE(stages[i]);
-        Process run({"run", file, "--out", out});
+        Process run({"run", file, "--out", out, "--progress", "3600"});  // one line a stage: that of its end
         REQUIRE(run.reads(stages[i] + " "));
         run.send(SIGKILL);
         const int code = run.end();
@@ -139,7 +139,7 @@ TEST_CASE("interrupted after each of its stages, a run stores the best so far an
     std::size_t stages = 0;
     for (const std::string stage : {"simulate", "orbits", "prediction", "cycles"}) {
         CAPTURE(stage);
-        Process run({"run", file, "--out", out});
+        Process run({"run", file, "--out", out, "--progress", "3600"});  // one line a stage: that of its end
         REQUIRE(run.reads(stage + " "));
         run.send(stage == "orbits" ? SIGTERM : SIGINT);
         CHECK(run.end() == 130);
@@ -203,7 +203,7 @@ TEST_CASE("a checkpoint of another job or a damaged one is not taken up", "[apps
     const Path expected = undisturbed(folder.path(), file);
     const Path out = folder.path() / "out";
     {
-        Process run({"run", file, "--out", out});
+        Process run({"run", file, "--out", out, "--progress", "3600"});  // one line a stage: that of its end
         REQUIRE(run.reads("profile "));
         run.send(SIGKILL);
         run.end();
@@ -215,7 +215,7 @@ TEST_CASE("a checkpoint of another job or a damaged one is not taken up", "[apps
     for (const std::string& bytes : {changed, kept.substr(0, kept.size() / 2), std::string("x")}) {
         CAPTURE(bytes.size());
         write_text(out / "checkpoint.bin", bytes);
-        Process run({"run", file, "--out", out});
+        Process run({"run", file, "--out", out, "--progress", "3600"});  // one line a stage: that of its end
         CHECK(run.end() == 0);
         CHECK(run.text().find("reused") == std::string::npos);
         check_same(out, expected);
