@@ -149,15 +149,15 @@ TEST_CASE("errors in the parameter of a branch: unbiased next to a fold, where e
     const Rig rig;
     const auto points = resonance(rig);
     const std::size_t fold = fold_of(points);
-    constexpr int replicates = 12;
+    constexpr int replicates = 5;
     Vector3d sum = Vector3d::Zero();
     double squares = 0.0, squares_if_exact = 0.0;
     std::size_t lost_if_exact = 0;
     for (int k = 0; k < replicates; ++k) {
         estimator::RandomStream random(7, estimator::RandomPurpose::reading_noise, static_cast<std::uint64_t>(k));
         std::vector<MeasuredOrbit> orbits, exact;
-        for (int i = -6; i <= 6; ++i) {
-            const BranchPoint& point = points[fold + static_cast<std::size_t>(i + 6) * 2 - 12];
+        for (int i = -4; i <= 4; ++i) {
+            const BranchPoint& point = points[fold + static_cast<std::size_t>(i + 4) * 2 - 8];
             const double omega = point.parameter + omega_sd * random.normal();
             orbits.push_back(motion(rig, point, omega));
             for (double& reading : orbits.back().values)
@@ -169,15 +169,18 @@ TEST_CASE("errors in the parameter of a branch: unbiased next to a fold, where e
         CHECK(lost == 0);
         sum += off;
         squares += off.squaredNorm();
+        if (k > 0) continue;
         const auto [off_if_exact, now_lost] = deviations(BranchResidual(rig.system, exact, options_for(rig, 0.0)));
         squares_if_exact += off_if_exact.squaredNorm();
         lost_if_exact += now_lost;
     }
-    // Normal deviates: their mean within 3.5 sds, the sum of 36 squares below what one run in 10^4 exceeds.
+    // Normal deviates: their mean within 3.5 sds, the sum of 15 squares below what one run in 10^4 exceeds.
     CHECK(sum.cwiseAbs().maxCoeff() / replicates < 3.5 / std::sqrt(replicates));
-    CHECK(squares < 75.0);
-    CHECK(lost_if_exact > replicates);
-    CHECK(squares_if_exact > 10.0 * squares);
+    CHECK(squares < 44.3);
+    // The same readings with exact frequencies: 4 motions lost, 80 instead of three squares. Beyond 21.1 lies one in
+    // 10^4.
+    CHECK(lost_if_exact > 0);
+    CHECK(squares_if_exact > 21.1);
 }
 
 }  // namespace branch_parameter_test
