@@ -155,6 +155,11 @@ void add_branch_rows(const Workspace& work, const periodic::BranchResidual& resi
             rows.push_back({"branch", orbit.label, group.substr(group.find('.') + 1), orbit.binding.base[parameter],
                             observed, predicted, sd});
         }
+        if (!residual.moves_parameter()) continue;
+        const double at = orbit.binding.base[parameter];
+        rows.push_back({"branch", orbit.label, std::string(work.job.model.parameter(parameter).name), at, at,
+                        at - values[b].e[static_cast<Eigen::Index>(sources.size())],
+                        residual.groups().back().scale.value});
     }
 }
 

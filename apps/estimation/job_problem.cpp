@@ -91,6 +91,7 @@ identification::BranchChoice measured_branch(const Job& job) {
     const orbits::Segment& rows = table.segments.front();
     branch.parameter = asked.parameter;
     branch.at = rows.values.row(0);
+    branch.at_sd = asked.at_sd;
     if (!branch.at.allFinite())
         throw orbits::DataError(fmt::format("{}: a value of {} is missing", asked.file->string(), parameter.name));
     const Eigen::Index count = rows.values.rows() - 1;

@@ -70,6 +70,7 @@ struct BranchResidualJob {
     std::string sha256;                         ///< of `file`, expected; empty: not given
     Eigen::Index parameter = -1;                ///< of the model; < 0: refused
     ColumnJob at;                               ///< its column; `coordinate` has no meaning
+    double at_sd = 0.0;                         ///< of its errors; 0: exact
     std::vector<periodic::OrbitReading> readings;
     struct Measure {
         periodic::OrbitMeasure measure = periodic::OrbitMeasure::half_range;

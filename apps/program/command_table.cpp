@@ -125,7 +125,7 @@ std::vector<Command> comparing_commands() {
     return {
         Command{
             "predict",
-            "how well the estimate of a stored run predicts a further record, or periodic motions with bands",
+            "predict a further record, or periodic motions, from a stored run",
             {{"DIR", WordKind::folder}, {"DATA", WordKind::file}},
             {{"out", "DIR", "folder of the prediction (default DIR/predict_NAME)", WordKind::folder},
              {"experiment", "NAME", "experiment of the run that the record is like (default: the only one)"},

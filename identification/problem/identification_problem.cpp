@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <string_view>
@@ -112,6 +113,8 @@ void check_branch(const IdentificationProblem& problem, const BranchChoice& bran
                   fmt::format("branch over {}: it is estimated too", problem.parameter(branch.parameter).name));
     const auto channels = std::ssize(branch.channels);
     refuse_unless(branch.at.size() > 0 && branch.at.allFinite(), "branch: needs values of its parameter");
+    refuse_unless(branch.at_sd >= 0.0 && std::isfinite(branch.at_sd),
+                  fmt::format("branch: the sd of its parameter is {}, must be >= 0 and finite", branch.at_sd));
     refuse_unless(branch.values.rows() == channels && branch.values.cols() == branch.at.size(),
                   fmt::format("branch: values have shape ({}, {}), must be ({}, {}): channels, motions",
                               branch.values.rows(), branch.values.cols(), channels, branch.at.size()));

@@ -66,15 +66,31 @@ periodic::StartingSolution between(const periodic::BranchPoint& a, const periodi
     return start;
 }
 
-std::vector<periodic::StartingSolution> starts_at(const periodic::BifurcationDiagram& diagram, double at,
-                                                  bool autonomous) {
-    std::vector<periodic::StartingSolution> starts;
+periodic::BranchStarts starts_at(const periodic::BifurcationDiagram& diagram, double at, bool autonomous) {
+    periodic::BranchStarts starts;
     for (const periodic::Branch& branch : diagram.branches)
         for (std::size_t k = 1; k < branch.points.size(); ++k) {
             const periodic::BranchPoint& a = branch.points[k - 1];
             const periodic::BranchPoint& b = branch.points[k];
-            if ((a.parameter - at) * (b.parameter - at) <= 0.0) starts.push_back(between(a, b, at, autonomous));
+            if ((a.parameter - at) * (b.parameter - at) > 0.0) continue;
+            starts.orbits.push_back(between(a, b, at, autonomous));
+            starts.at.push_back(at);
         }
+    return starts;
+}
+
+/// The same for a parameter with an error. Where the branch does not reach it: its nearest orbit, a fold as a rule.
+periodic::BranchStarts starts_near(const periodic::BifurcationDiagram& diagram, double at, bool autonomous) {
+    periodic::BranchStarts starts = starts_at(diagram, at, autonomous);
+    if (!starts.orbits.empty()) return starts;
+    for (const periodic::Branch& branch : diagram.branches) {
+        const auto near = std::min_element(
+            branch.points.begin(), branch.points.end(),
+            [&](const auto& a, const auto& b) { return std::abs(a.parameter - at) < std::abs(b.parameter - at); });
+        if (near == branch.points.end()) continue;
+        starts.orbits.push_back(between(*near, *near, near->parameter, autonomous));
+        starts.at.push_back(near->parameter);
+    }
     return starts;
 }
 
@@ -103,7 +119,9 @@ std::vector<std::string> add_branch(const IdentificationProblem& problem, const 
         orbit.binding.base[asked.parameter] = asked.at[i];
         orbit.values = asked.values.col(i);
         if (asked.deviations.size() > 0) orbit.deviations = asked.deviations.col(i);
-        orbit.starts = starts_at(diagram, asked.at[i], autonomous);
+        periodic::BranchStarts starts = (asked.at_sd > 0.0 ? starts_near : starts_at)(diagram, asked.at[i], autonomous);
+        orbit.starts = std::move(starts.orbits);
+        orbit.starts_at = std::move(starts.at);
         orbits.push_back(std::move(orbit));
     }
     periodic::BranchOptions options;
@@ -111,14 +129,17 @@ std::vector<std::string> add_branch(const IdentificationProblem& problem, const 
         options.channels.push_back({channel.measure, channel.errors.coordinate, channel.errors.scale,
                                     channel.errors.distribution, channel.errors.floor,
                                     !channel.errors.sd_column.empty()});
+    options.parameter = asked.parameter;
+    options.parameter_sd = asked.at_sd;
     options.start = start;
     options.readings = asked.readings;
     options.starts = [system = problem.system, values = problem.values, binding = setup.model,
                       asked](const Eigen::VectorXd& theta) {
         const auto there = followed(*system, values, asked, binding.values(theta));
-        std::vector<std::vector<periodic::StartingSolution>> starts;
+        const auto found = asked.at_sd > 0.0 ? starts_near : starts_at;
+        std::vector<periodic::BranchStarts> starts;
         for (const double at : asked.at)
-            starts.push_back(starts_at(there, at, system->kind() == models::Kind::autonomous));
+            starts.push_back(found(there, at, system->kind() == models::Kind::autonomous));
         return starts;
     };
     residual = std::make_unique<periodic::BranchResidual>(problem.system, std::move(orbits), std::move(options));

@@ -66,6 +66,7 @@ struct BranchChoice {
     Eigen::Index parameter = 0;  ///< of the model, which varies along the branch; it is not estimated
     std::vector<Channel> channels;
     Eigen::VectorXd at;          ///< shape (m): its values
+    double at_sd = 0.0;          ///< of their errors; 0: they are exact
     Eigen::MatrixXd values;      ///< shape (channels, m); nan = not measured
     Eigen::MatrixXd deviations;  ///< known sds, likewise; empty: none
     /// An orbit of the branch at the problem's own values of all parameters, near enough for Newton's method.

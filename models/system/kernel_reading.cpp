@@ -7,6 +7,7 @@
 #include "models/arithmetic/dual.hpp"
 #include "models/system/argument_check.hpp"
 #include "models/system/kernel_system.hpp"
+#include "models/system/left_loop.hpp"
 
 namespace orbid::models {
 
@@ -178,6 +179,7 @@ ReadingResult KernelSystem::readings(const Sensor& sensor, const Eigen::MatrixXd
                                   [&](const oneapi::tbb::blocked_range<Eigen::Index>& range) {
                                       range_of_columns(range.begin(), range.end());
                                   });
+        stop_if_left();
     }
     for (const FlowStatus s : status)
         if (s != FlowStatus::ok && result.status == FlowStatus::ok) result.status = s;

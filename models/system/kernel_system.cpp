@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "models/system/argument_check.hpp"
+#include "models/system/left_loop.hpp"
 
 namespace orbid::models {
 
@@ -173,6 +174,7 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
         for (std::size_t i = 0; i < size; ++i)
             say_how_it_ended(results[first + i], ends[i]);
     });
+    stop_if_left();
     return results;
 }
 
@@ -258,6 +260,7 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
                           theta.data(), asked, sections.data() + first, columns.data() + first,
                           result.status.data() + first);
     });
+    stop_if_left();
     for (std::size_t i = 0; i < count; ++i)
         if (columns[i] <= periods)
             result.sections[i].conservativeResize(Eigen::NoChange, static_cast<Eigen::Index>(columns[i]));
@@ -287,6 +290,7 @@ EnsembleResult KernelSystem::crossing_ensemble(const Eigen::MatrixXd& starts, co
         result.times[i].resize(run.times.size() + 1);
         result.times[i] << 0.0, run.times;
     });
+    stop_if_left();
     return result;
 }
 

@@ -7,6 +7,8 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
+#include "models/system/left_loop.hpp"
+
 namespace orbid::models {
 
 std::string_view description(FlowStatus status) {
@@ -66,6 +68,7 @@ std::vector<FlowResult> System::flows(const Eigen::MatrixXd& starts, std::span<c
         results[k] = free ? flow_with_sensitivities(start, phases[k], durations, theta, *free, clock, options)
                           : flow(start, phases[k], durations, theta, clock, options);
     });
+    stop_if_left();
     return results;
 }
 

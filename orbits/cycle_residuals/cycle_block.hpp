@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 
 #include "estimator/interface/residual.hpp"
+#include "models/system/left_loop.hpp"
 #include "models/system/system.hpp"
 #include "orbits/simulation/section_map.hpp"
 
@@ -24,6 +25,7 @@ std::vector<estimator::BlockValue> evaluate_blocks(const models::System& system,
         if (!layout[b].active) return;
         if (!allowed || !value(b, result[b])) result[b].status = estimator::BlockStatus::failed;
     });
+    models::stop_if_left();
     return result;
 }
 

@@ -9,6 +9,7 @@
 
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/median.hpp"
+#include "models/system/left_loop.hpp"
 #include "orbits/cycle_residuals/cycle_block.hpp"
 #include "orbits/records/refusal.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
@@ -218,6 +219,7 @@ std::vector<estimator::BlockValue> CycleResidual::evaluate(const estimator::Acti
 std::vector<PeriodicOrbit> CycleResidual::orbits(const estimator::ActiveSet& active, const VectorXd& theta) const {
     std::vector<PeriodicOrbit> result(active.layout.size());
     tbb::parallel_for(std::size_t{0}, result.size(), [&](std::size_t b) { result[b] = solve(active, b, theta, true); });
+    models::stop_if_left();
     return result;
 }
 

@@ -5,6 +5,7 @@
 #include <cassert>
 
 #include "models/definition/parameter.hpp"
+#include "models/system/left_loop.hpp"
 #include "orbits/series_residuals/observed_channels.hpp"
 #include "orbits/simulation/initial_state.hpp"
 #include "orbits/simulation/node_state.hpp"
@@ -96,6 +97,7 @@ std::vector<BlockValue> SeriesResidual::evaluate(const estimator::ActiveSet& act
         }
         values[b].e_z = Eigen::MatrixXd(values[b].e_z(Eigen::all, free_));
     });
+    models::stop_if_left();
     return values;
 }
 

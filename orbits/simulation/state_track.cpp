@@ -238,44 +238,12 @@ void check_determined(const FollowedRecord& record, const Segment& data, const M
 
 }  // namespace
 
-namespace {
-
-/// Densely sampled, but with errors of more than 3 % of the range, gross ones among them.
-bool is_rough(const VectorXd& values, double range) {
-    constexpr double rough = 0.03;
-    constexpr double dense = 0.05;  // of the range, from one sample to the next
-    std::vector<double> steps;
-    double squares = 0.0;
-    Index count = 0;
-    for (Index k = 1; k < values.size(); ++k)
-        if (std::isfinite(values[k] - values[k - 1])) steps.push_back(std::abs(values[k] - values[k - 1]));
-    for (Index k = 4; k < values.size(); ++k) {
-        const double d = values[k] - 4.0 * values[k - 1] + 6.0 * values[k - 2] - 4.0 * values[k - 3] + values[k - 4];
-        if (!std::isfinite(d)) continue;
-        squares += d * d;
-        ++count;
-    }
-    if (count == 0 || models::upper_median(std::move(steps)) > dense * range) return false;
-    return std::sqrt(squares / (70.0 * static_cast<double>(count))) > rough * range;
-}
-
-}  // namespace
-
 bool needs_tracking(const models::System& system, const Series& series, const models::Sensor& sensor) {
     if (sensor.type == models::Sensor::Type::function) return true;
-    if (series.sampling != Series::Sampling::samples) return false;
-    const VectorXd scale = series.scale();
     Index read = 0;
-    for (Index row = 0; row < series.dimension(); ++row) {
-        if (system.coordinate_index(series.coordinate(row).name) < 0) continue;
-        ++read;
-        for (const Segment& segment : series.segments) {
-            VectorXd values = segment.values.row(row).transpose();
-            if (series.coordinate(row).angle) follow_turns(values);
-            if (is_rough(values, scale[row])) return true;
-        }
-    }
-    return system.dimension() - read > read;
+    for (Index row = 0; row < series.dimension(); ++row)
+        read += system.coordinate_index(series.coordinate(row).name) >= 0 ? 1 : 0;
+    return system.dimension() - read > read && series.sampling == Series::Sampling::samples;
 }
 
 StateTrack track_states(const models::System& system, const VectorXd& theta, const Series& series, std::size_t segment,

@@ -19,9 +19,8 @@ struct StateTrack {
 };
 
 /// Whether the states of a series must be followed: its sensor reads formulas, or it is sampled in time and leaves more
-/// coordinates unread than it reads (a slope of each reading determines no more than one), or its readings are rough:
-/// densely sampled, but with errors (rms) of more than 3 % of their range. Otherwise node_states() tells states sample
-/// by sample.
+/// coordinates unread than it reads (a slope of each reading determines no more than one). Otherwise node_states()
+/// tells states sample by sample.
 [[nodiscard]] bool needs_tracking(const models::System& system, const Series& series, const models::Sensor& sensor);
 
 /// States at all samples of a segment, followed from the first to the last and back by a Kalman filter at theta, see

@@ -234,6 +234,26 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
     return result;
 }
 
+MatrixXd OrbitCurve::moves_across(const CurvePoint& point, std::span<const Index> free) const {
+    const Index inner = n_ * count_;
+    const Index own = size() - inner;
+    std::vector<Index> all(free.begin(), free.end());
+    all.push_back(setting_->parameter);
+    const auto f = std::ssize(free);
+    const ClosingError closing = closing_at(*this, point.y, all);
+    if (!closing.simulated) return MatrixXd::Constant(size(), f + 1, std::numeric_limits<double>::quiet_NaN());
+    const MatrixXd rows = rows_across({point.tangent});
+    CyclicSystem::Border border = border_below(rows, inner, own);
+    border.columns << closing.by_ln_time, closing.parameters.rightCols(1) * setting_->range;
+    MatrixXd right = MatrixXd::Zero(size(), f + 1);
+    right.topLeftCorner(inner, f) = closing.parameters.leftCols(f);
+    right(size() - 1, f) = 1.0;
+    MatrixXd moves = CyclicSystem(closing.jacobians, border).solve(right);
+    moves.bottomRows(1) *= setting_->range;
+    moves.col(f) /= norm(moves.col(f));
+    return moves;
+}
+
 CurvePoint OrbitCurve::settled(CurvePoint point) const {
     if (point.last_step <= rounding_step) return point;
     ClosingError closing = closing_at(*this, point.y, {});

@@ -3,6 +3,7 @@
 #include <complex>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "models/system/system.hpp"
@@ -105,6 +106,10 @@ public:
     ///                   the branch point; where they are symmetric beta is zero and the orbit is one.
     [[nodiscard]] Correction corrected(const VectorXd& guess, const VectorXd& direction, double tolerance,
                                        int maximum_iterations, const VectorXd* locked = nullptr) const;
+
+    /// How the orbit at a point moves with further parameters, within the plane across the tangent, and along the
+    /// tangent of norm one: shape (size, free.size() + 1). Not finite where two branches meet.
+    [[nodiscard]] MatrixXd moves_across(const CurvePoint& point, std::span<const Index> free) const;
 
     /// Jacobians, residual and multipliers at the point itself; those of Newton's last step belong to where the step
     /// began. Not recomputed where the step was at rounding level, as on located points.

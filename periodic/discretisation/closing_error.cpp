@@ -7,6 +7,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "models/system/left_loop.hpp"
 #include "periodic/orbit/full_turn.hpp"
 
 namespace orbid::periodic {
@@ -65,6 +66,7 @@ ClosingError closing_error(const Discretisation& discretisation, const MatrixXd&
         if (f > 0) result.parameters.middleRows(d * j, d) = image.by_parameters;
         stuck[slot] = image.sticking ? 1 : 0;
     });
+    models::stop_if_left();
     result.simulated = std::count(failed.begin(), failed.end(), 1) == 0;
     result.sticking = std::count(stuck.begin(), stuck.end(), 1) > 0;
     return result;

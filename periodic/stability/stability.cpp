@@ -10,6 +10,7 @@
 #include <tbb/parallel_for.h>
 
 #include "models/arithmetic/singular_values.hpp"
+#include "models/system/left_loop.hpp"
 #include "periodic/stability/floquet_vector.hpp"
 
 namespace orbid::periodic {
@@ -180,6 +181,7 @@ Stability stability(const models::System& system, const VectorXd& theta, double 
     const Passages passages{system, theta, phase, orbit, free, options.flow};
     std::vector<std::vector<Piece>> passed(static_cast<std::size_t>(p));
     tbb::parallel_for(Index{0}, p, [&](Index j) { passed[static_cast<std::size_t>(j)] = passages.from(j); });
+    models::stop_if_left();
     std::vector<MatrixXd> factors;
     std::vector<const Piece*> pieces;
     std::vector<Index> first;  // piece that begins at each point

@@ -3,20 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
 #include <variant>
 
 #include <fmt/format.h>
-#include <oneapi/tbb/parallel_for.h>
 
 #include "models/definition/parameter.hpp"
 #include "models/definition/wrong_data.hpp"
 #include "periodic/orbit/eigen_names.hpp"
-#include "periodic/orbit/full_turn.hpp"
-#include "periodic/solution/solve_orbit.hpp"
 
 namespace orbid::periodic {
 namespace {
@@ -24,17 +20,6 @@ namespace {
 void require_call(bool rule, const std::string& message) {
     if (!rule) throw std::invalid_argument("branch residual: " + message);
 }
-
-/// Rounds in which all orbits are sought anew, so that an estimate ends.
-constexpr double most_rounds = 4;
-/// An orbit resembles a motion where their measures differ by less than half, on root mean square. A motion near a fold
-/// that the model has not reached has no orbit, and is not to be taken for another one.
-constexpr double resembling = 0.25;
-/// Measures are compared with their own size, but for those below this share of the channel's: means near 0.
-constexpr double smallest_share = 0.1;
-/// Another orbit is taken where it leaves less than this share of the misfit: at a fold two orbits differ by little.
-constexpr double better = 1.0 - 1e-9;
-constexpr double rounded_misfit = 1e-20;  // by which those of exact data differ
 
 bool is_log_normal(const BranchChannel& channel) {
     return std::holds_alternative<estimator::LogNormalErrors>(channel.distribution);
@@ -66,6 +51,12 @@ BranchResidual::BranchResidual(std::shared_ptr<const models::System> system, std
     require_call(system_->inputs().empty(),
                  fmt::format("model {} reads measured inputs: its steady states are not periodic by themselves",
                              system_->name()));
+    require_call(options_.parameter_sd >= 0.0 && std::isfinite(options_.parameter_sd),
+                 fmt::format("parameter_sd is {}, must be >= 0 and finite", options_.parameter_sd));
+    require_call(
+        !moves_parameter() || (options_.parameter >= 0 && options_.parameter < std::ssize(system_->parameters())),
+        fmt::format("parameter {}: model {} has {}", options_.parameter, system_->name(),
+                    system_->parameters().size()));
     require_call(options_.maximum_move > 0.0, fmt::format("maximum_move is {}, must be > 0", options_.maximum_move));
     check_channels();
     require_call(!orbits_.empty(), "at least one motion is needed");
@@ -79,6 +70,7 @@ BranchResidual::BranchResidual(std::shared_ptr<const models::System> system, std
         add_block(orbits_[b].binding, make_layout(b));
     for (const BranchChannel& channel : options_.channels)
         initial_.groups.push_back(make_group(channel));
+    if (moves_parameter()) initial_.groups.push_back(make_parameter_group());
     find_starts(options_.start);
 }
 
@@ -155,6 +147,15 @@ estimator::Group BranchResidual::make_group(const BranchChannel& channel) const 
     return group;
 }
 
+estimator::Group BranchResidual::make_parameter_group() const {
+    const models::Parameter& parameter = system_->parameters()[static_cast<std::size_t>(options_.parameter)];
+    estimator::Group group;
+    group.name = fmt::format("{}.{}", options_.name, parameter.name);
+    group.unit = parameter.unit;
+    group.scale = {false, options_.parameter_sd, estimator::FlatPrior{}};
+    return group;
+}
+
 std::vector<std::size_t> BranchResidual::sources(std::size_t block) const {
     std::vector<std::size_t> measured;
     for (std::size_t c = 0; c < options_.channels.size(); ++c)
@@ -178,118 +179,42 @@ estimator::BlockLayout BranchResidual::make_layout(std::size_t block) const {
         if (channels[measured[r]].known_sds) layout.deviation(static_cast<Index>(r)) = orbit.deviations(c);
         if (layout.observed.size() > 0) layout.observed(static_cast<Index>(r)) = orbit.values(c);
     }
+    if (!moves_parameter()) return layout;
+    layout.latents = 1;
+    layout.group.push_back(static_cast<int>(channels.size()));
+    const double at = orbit.binding.base(options_.parameter);
+    for (VectorXd* known : {&layout.deviation, &layout.observed}) {
+        if (known->size() == 0) continue;
+        known->conservativeResize(known->size() + 1);
+        known->tail(1)(0) = known == &layout.deviation ? 1.0 : at;
+    }
     return layout;
 }
 
-double BranchResidual::misfit(std::size_t block, const estimator::BlockValue& value) const {
-    const auto measured = sources(block);
-    double sum = 0.0;
-    for (std::size_t r = 0; r < measured.size(); ++r) {
-        const auto c = static_cast<Index>(measured[r]);
-        const double e = value.e(static_cast<Index>(r));
-        const double own = orbits_[block].values(c) * orbits_[block].values(c);
-        const double mean = spread_(c) / static_cast<double>(orbits_.size());
-        // A measure that is 0 everywhere has no size to be compared with.
-        const double size = std::max(own, smallest_share * smallest_share * mean);
-        if (size > 0.0) sum += e * e / size;
-    }
-    return sum / static_cast<double>(measured.size());
-}
-
-SteadyStateResidual::FoundStart BranchResidual::find_start(std::size_t b, const VectorXd& theta) const {
-    return best_of(b, orbits_[b].starts, theta);
-}
-
-int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& theta) const {
-    double& rounds = active.memory.back()[1];
-    if (!options_.starts || rounds >= most_rounds) return 0;
-    ++rounds;
-    const auto starts = options_.starts(theta);
-    std::vector<unsigned char> changed(orbits_.size(), 0);
-    tbb::parallel_for(std::size_t{0}, std::min(starts.size(), orbits_.size()), [&](std::size_t b) {
-        const Known before = known(active, b);
-        FoundStart found = best_of(b, starts[b], theta);
-        if (found.known.status != OrbitStatus::converged) return;
-        double present = std::numeric_limits<double>::infinity();
-        if (active.layout[b].active) {
-            const PeriodicOrbit orbit = solve(b, before, theta, false);
-            if (orbit.status == OrbitStatus::converged) {
-                const estimator::BlockValue errors = value(b, before, orbit, theta, {}, false);
-                if (errors.status == estimator::BlockStatus::ok) present = misfit(b, errors);
-            }
-        }
-        // The same orbit again has the same misfit, to rounding.
-        if (!(found.misfit < better * present - rounded_misfit)) return;
-        found.known.taken_back = before.taken_back;
-        remember(active, b, found.known);
-        active.layout[b].active = true;
-        changed[b] = 1;
-    });
-    return static_cast<int>(std::count(changed.begin(), changed.end(), 1));
-}
-
-SteadyStateResidual::FoundStart BranchResidual::best_of(std::size_t b, const std::vector<StartingSolution>& starts,
-                                                        const VectorXd& theta) const {
-    FoundStart best;
-    best.misfit = std::numeric_limits<double>::infinity();
-    const VectorXd values = binding(b).values(theta);
-    for (const StartingSolution& start : starts) {
-        ShootingOptions options;
-        options.flow = following().flow;
-        options.maximum_distance = std::numeric_limits<double>::infinity();
-        FoundStart found;
-        found.known.orbit = solve_orbit(*system_, values, start, {}, options);
-        found.known.status = found.known.orbit.status;
-        if (found.known.status != OrbitStatus::converged) continue;
-        // The size of the orbit, as its points show it: never 0.
-        const MatrixXd& points = found.known.orbit.points;
-        found.known.scale = points.rowwise().norm() / std::sqrt(static_cast<double>(points.cols()));
-        const OrbitReadings along(*system_, values, found.known.orbit, {}, std::nullopt, following().flow);
-        if (!along.simulated()) continue;
-        for (Index i = 0; i < points.rows(); ++i) {
-            const auto range = along.measure(OrbitMeasure::half_range, i);
-            const auto rms = along.measure(OrbitMeasure::rms, i);
-            const double size = range ? std::max(range->value, rms->value) : full_turn;
-            found.known.scale(i) = size > 0.0 ? size : 1.0;
-        }
-        found.known.orbit.sensitivities.resize(0, 0);
-        const PeriodicOrbit solved = solve_near(b, found.known, theta, true);
-        if (solved.status != OrbitStatus::converged) continue;
-        keep(found.known, b, solved, theta);
-        const estimator::BlockValue errors = value(b, found.known, solved, theta, {}, false);
-        if (errors.status != estimator::BlockStatus::ok) continue;
-        found.misfit = misfit(b, errors);
-        if (found.misfit < resembling && found.misfit < best.misfit) best = std::move(found);
-    }
-    return best;
-}
-
-estimator::BlockValue BranchResidual::value(std::size_t b, const Known& /*known*/, const PeriodicOrbit& orbit,
-                                            const VectorXd& theta, const VectorXd& /*latents*/,
-                                            bool derivatives) const {
-    const VectorXd values = binding(b).values(theta);
+estimator::BlockValue BranchResidual::value(std::size_t b, const Known& /*known*/, const FollowedOrbit& orbit,
+                                            const VectorXd& theta, const VectorXd& latents, bool derivatives) const {
     const std::span<const Index> free(binding(b).parameter);
-    const OrbitReadings along(*system_, values, orbit, options_.sensor,
-                              derivatives ? std::optional<std::span<const Index>>(free) : std::nullopt,
-                              following().flow, options_.readings);
-    if (!along.simulated()) return failed();
-    const auto measured = sources(b);
+    const Measures predicted = measured(b, values_at(b, theta, orbit.parameter), orbit, free, derivatives);
+    if (!predicted.found) return failed();
+    const auto channels = sources(b);
+    const auto count = std::ssize(channels);
+    const auto f = std::ssize(free);
     estimator::BlockValue result;
-    result.e.resize(std::ssize(measured));
-    MatrixXd by_parameter(derivatives ? result.e.size() : 0, std::ssize(free));
-    for (std::size_t r = 0; r < measured.size(); ++r) {
-        const BranchChannel& channel = options_.channels[measured[r]];
-        const auto predicted = along.measure(channel.measure, channel.coordinate);
-        if (!predicted) return failed();
-        const auto row = static_cast<Index>(r);
-        result.e(row) = orbits_[b].values(static_cast<Index>(measured[r])) - predicted->value;
-        if (derivatives) by_parameter.row(row) = -predicted->by_parameters;
-    }
+    result.e.resize(count + latents.size());
+    for (Index r = 0; r < count; ++r)
+        result.e(r) =
+            orbits_[b].values(static_cast<Index>(channels[static_cast<std::size_t>(r)])) - predicted.values(r);
+    if (moves_parameter()) result.e(count) = orbits_[b].binding.base(options_.parameter) - orbit.parameter;
     if (derivatives) {
-        result.e_theta = binding(b).spread(by_parameter);
-        result.e_z.resize(result.e.size(), 0);
+        MatrixXd slopes = -predicted.slopes;
+        if (moves_parameter()) {
+            slopes.conservativeResize(count + 1, Eigen::NoChange);
+            slopes.bottomRows(1) = -orbit.parameter_sensitivities;
+        }
+        result.e_theta = binding(b).spread(slopes.leftCols(f));
+        result.e_z = slopes.rightCols(latents.size());
     }
-    if (!result.e.allFinite() || !result.e_theta.allFinite()) return failed();
+    if (!result.e.allFinite() || !result.e_theta.allFinite() || !result.e_z.allFinite()) return failed();
     return result;
 }
 

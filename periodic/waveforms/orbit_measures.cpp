@@ -99,10 +99,13 @@ OrbitReadings::OrbitReadings(const models::System& system, const VectorXd& theta
                              const models::FlowOptions& options, std::span<const OrbitReading> formulas) {
     std::vector<models::Sensor> sensors = sensors_of(formulas, static_cast<std::size_t>(system.dimension()));
     sensors.insert(sensors.begin(), sensor);
-    for (Index count = fewest; count <= most; count *= 2) {
-        simulated_ = read(system, theta, orbit, sensors, free, count, options);
-        if (!simulated_ || resolved()) break;
+    Index count = fewest;
+    for (;; count *= 2) {
+        simulated_ = read(system, theta, orbit, sensors, std::nullopt, count, options);
+        if (!simulated_ || count == most || resolved()) break;
     }
+    // Derivatives cost many times more than readings.
+    if (simulated_ && free) simulated_ = read(system, theta, orbit, sensors, free, count, options);
     const auto f = free ? std::ssize(*free) : Index{0};
     frequency_.by_parameters = RowVectorXd::Zero(f);
     if (system.kind() == models::Kind::forced) {

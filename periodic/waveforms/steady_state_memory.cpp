@@ -1,5 +1,6 @@
-// The last solution of a block in the memory of an active set: nine vectors, in this order: status, phase, counts, T
-// and rotation; theta; scale; points; sensitivities; those of T; point and normal of the phase's origin; offsets.
+// The last solution of a block in the memory of an active set: ten vectors, in this order: status, phase, counts, T
+// and rotation; place; scale; points; sensitivities; those of T; point and normal of the phase's origin; offsets; the
+// parameter that moves with the orbit and its sensitivities.
 #include "periodic/orbit/eigen_names.hpp"
 #include "periodic/waveforms/steady_state_residual.hpp"
 
@@ -16,7 +17,7 @@ SteadyStateResidual::Known SteadyStateResidual::known(const estimator::ActiveSet
     known.orbit.time = numbers[4];
     for (Index i = 5; i < numbers.size(); ++i)
         known.orbit.rotation.push_back(static_cast<int>(numbers[i]));
-    known.theta = part[1];
+    known.place = part[1];
     known.scale = part[2];
     if (known.scale.size() > 0) known.orbit.points = part[3].reshaped(part[2].size(), part[3].size() / part[2].size());
     if (part[3].size() > 0)
@@ -24,6 +25,10 @@ SteadyStateResidual::Known SteadyStateResidual::known(const estimator::ActiveSet
     known.orbit.time_sensitivities = part[5].transpose();
     known.origin = {part[6], part[7]};
     known.offsets = part[8];
+    if (part[9].size() > 0) {
+        known.orbit.parameter = part[9](0);
+        known.orbit.parameter_sensitivities = part[9].tail(part[9].size() - 1).transpose();
+    }
     return known;
 }
 
@@ -35,7 +40,7 @@ void SteadyStateResidual::remember(estimator::ActiveSet& active, std::size_t blo
         known.sought_again ? 1.0 : 0.0, known.orbit.time;
     for (std::size_t i = 0; i < known.orbit.rotation.size(); ++i)
         numbers[static_cast<Index>(i) + 5] = known.orbit.rotation[i];
-    part[1] = known.theta;
+    part[1] = known.place;
     part[2] = known.scale;
     part[3] = known.orbit.points.reshaped();
     part[4] = known.orbit.sensitivities.reshaped();
@@ -43,6 +48,8 @@ void SteadyStateResidual::remember(estimator::ActiveSet& active, std::size_t blo
     part[6] = known.origin.point;
     part[7] = known.origin.normal;
     part[8] = known.offsets;
+    part[9].resize(1 + known.orbit.parameter_sensitivities.size());
+    part[9] << known.orbit.parameter, known.orbit.parameter_sensitivities.transpose();
     active.latents[block] = starting_latents(block, known);
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "models/definition/parameter.hpp"
+#include "models/system/left_loop.hpp"
 #include "periodic/orbit/eigen_names.hpp"
 #include "periodic/solution/solve_orbit.hpp"
 
@@ -28,13 +29,6 @@ constexpr int most_anchorings = 3;
 constexpr double alike = 0.25;
 /// Steps along the line to a theta that is too far for one: at most 2^4.
 constexpr int most_halvings = 4;
-
-/// The orbit with its derivatives by the estimator's vector.
-PeriodicOrbit spread(PeriodicOrbit orbit, const models::ParameterBinding& binding) {
-    orbit.sensitivities = binding.spread(orbit.sensitivities);
-    if (orbit.time_sensitivities.size() > 0) orbit.time_sensitivities = binding.spread(orbit.time_sensitivities);
-    return orbit;
-}
 
 }  // namespace
 
@@ -57,6 +51,7 @@ void SteadyStateResidual::find_starts(const VectorXd& theta) {
         remember(initial_, b, known);
         initial_.layout[b].active = known.status == OrbitStatus::converged;
     });
+    models::stop_if_left();
     initial_.memory.push_back(VectorXd::Zero(2));  // anchorings, and what a derived residual counts
 }
 
@@ -66,13 +61,25 @@ bool SteadyStateResidual::in_domain(const VectorXd& values) const {
     return true;
 }
 
-void SteadyStateResidual::keep(Known& known, std::size_t block, const PeriodicOrbit& orbit,
-                               const VectorXd& theta) const {
-    known.orbit = spread(orbit, bindings_[block]);
-    known.theta = theta;
+FollowedOrbit SteadyStateResidual::spread(std::size_t block, FollowedOrbit orbit) const {
+    const models::ParameterBinding& binding = bindings_[block];
+    orbit.sensitivities = binding.spread(orbit.sensitivities);
+    if (orbit.time_sensitivities.size() > 0) orbit.time_sensitivities = binding.spread(orbit.time_sensitivities);
+    return orbit;
 }
 
-PeriodicOrbit SteadyStateResidual::solve_near(std::size_t block, const Known& from, const VectorXd& theta,
+void SteadyStateResidual::keep(Known& known, std::size_t block, FollowedOrbit orbit, const VectorXd& place) const {
+    known.orbit = spread(block, std::move(orbit));
+    known.place = place;
+}
+
+VectorXd SteadyStateResidual::moved_place(const Known& known, const VectorXd& theta) {
+    VectorXd place = known.place;
+    place.head(theta.size()) = theta;
+    return place;
+}
+
+FollowedOrbit SteadyStateResidual::solve_near(std::size_t block, const Known& from, const VectorXd& theta,
                                               bool derivatives) const {
     const models::ParameterBinding& binding = bindings_[block];
     const VectorXd values = binding.values(theta);
@@ -87,8 +94,8 @@ PeriodicOrbit SteadyStateResidual::solve_near(std::size_t block, const Known& fr
         start.points = from.orbit.points.leftCols(1);
         start.time = from.orbit.time;
     }
-    if (from.theta.size() > 0) {
-        const VectorXd step = theta - from.theta;
+    if (from.place.size() > 0) {
+        const VectorXd step = theta - from.place;
         const VectorXd move = from.orbit.sensitivities.topRows(start.points.size()) * step;
         start.points += move.reshaped(start.points.rows(), start.points.cols());
         // T by its logarithm, as Newton's method moves it: it stays positive.
@@ -103,9 +110,9 @@ PeriodicOrbit SteadyStateResidual::solve_near(std::size_t block, const Known& fr
     return solve_orbit(*system_, values, start, derivatives ? binding.parameter : no_parameters, options);
 }
 
-PeriodicOrbit SteadyStateResidual::solve(std::size_t block, const Known& known, const VectorXd& theta,
+FollowedOrbit SteadyStateResidual::solve(std::size_t block, const Known& known, const VectorXd& place,
                                          bool derivatives) const {
-    PeriodicOrbit orbit = solve_near(block, known, theta, derivatives);
+    FollowedOrbit orbit = solve_near(block, known, place, derivatives);
     if (orbit.status == OrbitStatus::converged) return orbit;
     // A step that is too long for one prediction is divided into shorter ones.
     for (int halvings = 1; halvings <= most_halvings; ++halvings) {
@@ -114,15 +121,14 @@ PeriodicOrbit SteadyStateResidual::solve(std::size_t block, const Known& known, 
         bool reached = true;
         for (int i = 1; i < steps && reached; ++i) {
             const double share = static_cast<double>(i) / steps;
-            const VectorXd between = known.theta + share * (theta - known.theta);
-            PeriodicOrbit next = solve_near(block, from, between, true);
+            const VectorXd between = known.place + share * (place - known.place);
+            FollowedOrbit next = solve_near(block, from, between, true);
             reached = next.status == OrbitStatus::converged;
             if (!reached) break;
-            from.theta = between;
-            from.orbit = spread(std::move(next), bindings_[block]);
+            keep(from, block, std::move(next), between);
         }
         if (!reached) continue;
-        PeriodicOrbit last = solve_near(block, from, theta, derivatives);
+        FollowedOrbit last = solve_near(block, from, place, derivatives);
         if (last.status == OrbitStatus::converged) return last;
     }
     return orbit;
@@ -138,11 +144,12 @@ std::vector<BlockValue> SteadyStateResidual::evaluate(const estimator::ActiveSet
             values[b] = {};
         } else if (latents[b].allFinite()) {
             const Known from = known(active, b);
-            const PeriodicOrbit orbit = solve(b, from, theta, derivatives);
+            const FollowedOrbit orbit = solve(b, from, placed(b, theta, latents[b]), derivatives);
             if (orbit.status == OrbitStatus::converged)
                 values[b] = value(b, from, orbit, theta, latents[b], derivatives);
         }
     });
+    models::stop_if_left();
     return values;
 }
 
@@ -152,8 +159,9 @@ std::vector<PeriodicOrbit> SteadyStateResidual::solutions(const estimator::Activ
     tbb::parallel_for(std::size_t{0}, bindings_.size(), [&](std::size_t b) {
         const Known from = known(active, b);
         orbits[b].status = from.status;
-        if (from.theta.size() > 0) orbits[b] = solve(b, from, theta, false);
+        if (from.place.size() > 0) orbits[b] = solve(b, from, moved_place(from, theta), false);
     });
+    models::stop_if_left();
     return orbits;
 }
 
@@ -171,30 +179,35 @@ int SteadyStateResidual::seek_again(estimator::ActiveSet& active, const VectorXd
         if (after.status != OrbitStatus::converged || !(misfit < alike)) after = before;
         after.sought_again = true;
         remember(active, b, after);
-        active.layout[b].active = after.theta.size() > 0 && after.theta == theta;
+        active.layout[b].active = after.place.size() > 0 && after.place.head(theta.size()) == theta;
     });
+    models::stop_if_left();
     return static_cast<int>(
         std::count_if(lost.begin(), lost.end(), [&](std::size_t b) { return active.layout[b].active; }));
 }
 
 estimator::RefreshReport SteadyStateResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
-                                                                const std::vector<VectorXd>& /*latents*/,
+                                                                const std::vector<VectorXd>& latents,
                                                                 const VectorXd& /*scales*/) const {
-    std::vector<PeriodicOrbit> solved(bindings_.size());
+    std::vector<FollowedOrbit> solved(bindings_.size());
+    std::vector<VectorXd> places(bindings_.size());
     tbb::parallel_for(std::size_t{0}, bindings_.size(), [&](std::size_t b) {
         const Known from = known(active, b);
-        if (from.theta.size() > 0) solved[b] = solve(b, from, theta, true);
+        if (from.place.size() == 0) return;
+        places[b] = active.layout[b].active ? placed(b, theta, latents[b]) : moved_place(from, theta);
+        solved[b] = solve(b, from, places[b], true);
     });
+    models::stop_if_left();
     estimator::RefreshReport report;
     bool far = false;
     for (std::size_t b = 0; b < bindings_.size(); ++b) {
         Known last = known(active, b);
-        if (last.theta.size() == 0) continue;
+        if (last.place.size() == 0) continue;
         const bool there = solved[b].status == OrbitStatus::converged;
         if (there) {
             const VectorXd move = (solved[b].points.col(0) - last.orbit.points.col(0)).cwiseQuotient(last.scale);
             far = far || !(move.cwiseAbs().maxCoeff() <= following_.maximum_move);
-            keep(last, b, solved[b], theta);
+            keep(last, b, solved[b], places[b]);
         }
         estimator::BlockLayout& layout = active.layout[b];
         if (layout.active && !there) {

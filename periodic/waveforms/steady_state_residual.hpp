@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -15,6 +16,14 @@
 #pragma GCC visibility push(default)
 
 namespace orbid::periodic {
+
+/// An orbit that is followed. Its sensitivities, those of T too, are derivatives by its place, see placed().
+struct FollowedOrbit : PeriodicOrbit {
+    FollowedOrbit() = default;
+    FollowedOrbit(PeriodicOrbit orbit) : PeriodicOrbit(std::move(orbit)) {}
+    double parameter = 0.0;  ///< of the model, where it moves with the orbit; else without meaning
+    Eigen::RowVectorXd parameter_sensitivities;
+};
 
 /// Measured periodic motions against computed ones, one block per motion: what waveforms and branches share. The orbit
 /// of every block is followed while theta moves.
@@ -57,8 +66,8 @@ protected:
     /// The last solution of a block. The memory of a set holds it, see known().
     struct Known {
         OrbitStatus status = OrbitStatus::no_progress;  ///< at the start, or where it was sought again
-        Eigen::VectorXd theta;                          ///< the estimator's; empty: none yet
-        PeriodicOrbit orbit;                            ///< sensitivities to the estimator's vector
+        Eigen::VectorXd place;                          ///< see placed(); empty: none yet
+        FollowedOrbit orbit;                            ///< sensitivities to the place
         PhaseOrigin origin;                             ///< of a waveform's phase
         Eigen::VectorXd scale;
         double phase = 0.0;  ///< at the start, with the offsets
@@ -83,8 +92,19 @@ protected:
     void find_starts(const Eigen::VectorXd& theta);
 
     [[nodiscard]] virtual FoundStart find_start(std::size_t block, const Eigen::VectorXd& theta) const = 0;
+    /// What the orbit of a block depends on: the estimator's vector, and latent states of the block below it if the
+    /// orbit moves with them.
+    [[nodiscard]] virtual Eigen::VectorXd placed(std::size_t /*block*/, const Eigen::VectorXd& theta,
+                                                 const Eigen::VectorXd& /*latents*/) const {
+        return theta;
+    }
+    /// The orbit with its derivatives by its place, from those by the parameters of the block.
+    [[nodiscard]] virtual FollowedOrbit spread(std::size_t block, FollowedOrbit orbit) const;
+    /// The orbit at a place, from a known one, moved there to first order. Derivatives by the parameters of the block.
+    [[nodiscard]] virtual FollowedOrbit solve_near(std::size_t block, const Known& from, const Eigen::VectorXd& place,
+                                                   bool derivatives) const;
     /// The errors of a block whose orbit is solved.
-    [[nodiscard]] virtual estimator::BlockValue value(std::size_t block, const Known& known, const PeriodicOrbit& orbit,
+    [[nodiscard]] virtual estimator::BlockValue value(std::size_t block, const Known& known, const FollowedOrbit& orbit,
                                                       const Eigen::VectorXd& theta, const Eigen::VectorXd& latents,
                                                       bool derivatives) const = 0;
     /// Latent states where a block starts.
@@ -100,12 +120,12 @@ protected:
     [[nodiscard]] static Known known(const estimator::ActiveSet& active, std::size_t block);
     void remember(estimator::ActiveSet& active, std::size_t block, const Known& known) const;
     /// Takes an orbit over as the last solution.
-    void keep(Known& known, std::size_t block, const PeriodicOrbit& orbit, const Eigen::VectorXd& theta) const;
-    [[nodiscard]] PeriodicOrbit solve_near(std::size_t block, const Known& from, const Eigen::VectorXd& theta,
-                                           bool derivatives) const;
+    void keep(Known& known, std::size_t block, FollowedOrbit orbit, const Eigen::VectorXd& place) const;
+    /// A known place with another vector of the estimator.
+    [[nodiscard]] static Eigen::VectorXd moved_place(const Known& known, const Eigen::VectorXd& theta);
     [[nodiscard]] const Following& following() const { return following_; }
     [[nodiscard]] bool in_domain(const Eigen::VectorXd& values) const;
-    [[nodiscard]] PeriodicOrbit solve(std::size_t block, const Known& known, const Eigen::VectorXd& theta,
+    [[nodiscard]] FollowedOrbit solve(std::size_t block, const Known& known, const Eigen::VectorXd& place,
                                       bool derivatives) const;
 
     std::shared_ptr<const models::System> system_;
@@ -113,7 +133,7 @@ protected:
 
 private:
     /// Vectors of the memory for each block; after them one with the number of anchorings.
-    static constexpr std::size_t memory_parts = 9;
+    static constexpr std::size_t memory_parts = 10;
 
     Following following_;
     std::vector<models::ParameterBinding> bindings_;

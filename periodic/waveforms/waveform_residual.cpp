@@ -33,9 +33,9 @@ WaveformResidual::FoundStart WaveformResidual::find_start(std::size_t b, const V
     known.scale = std::move(start.place.size);
     known.phase = start.place.phase;
     known.offsets = std::move(start.place.offsets);
-    known.orbit = std::move(start.orbit);
+    known.orbit = FollowedOrbit(std::move(start.orbit));
     known.orbit.sensitivities.resize(0, 0);
-    const PeriodicOrbit orbit = solve_near(b, known, theta, true);
+    const FollowedOrbit orbit = solve_near(b, known, theta, true);
     known.status = orbit.status;
     if (orbit.status == OrbitStatus::converged) keep(known, b, orbit, theta);
     found.misfit = start.place.misfit;
@@ -65,7 +65,7 @@ WaveformResidual::Alignment WaveformResidual::alignment(std::size_t block, const
     return result;
 }
 
-BlockValue WaveformResidual::value(std::size_t b, const Known& known, const PeriodicOrbit& orbit, const VectorXd& theta,
+BlockValue WaveformResidual::value(std::size_t b, const Known& known, const FollowedOrbit& orbit, const VectorXd& theta,
                                    const VectorXd& latents, bool derivatives) const {
     const WaveformRecord& record = records_[b];
     const Block& block = blocks_[b];

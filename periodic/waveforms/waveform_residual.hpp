@@ -98,7 +98,7 @@ private:
     [[nodiscard]] Block make_block(const WaveformRecord& record) const;
     [[nodiscard]] estimator::BlockLayout make_layout(const WaveformRecord& record, const Block& block) const;
     [[nodiscard]] FoundStart find_start(std::size_t block, const Eigen::VectorXd& theta) const override;
-    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const PeriodicOrbit& orbit,
+    [[nodiscard]] estimator::BlockValue value(std::size_t block, const Known& known, const FollowedOrbit& orbit,
                                               const Eigen::VectorXd& theta, const Eigen::VectorXd& latents,
                                               bool derivatives) const override;
     [[nodiscard]] Eigen::VectorXd starting_latents(std::size_t block, const Known& known) const override;

@@ -135,11 +135,25 @@ void read_branch_range(const ValueReader& value, const Job&, Branch& branch) {
     branch.range.emplace(ends[0], ends[1]);
 }
 
+/// Of the parameter itself: normal, of a known sd. Each motion has one value of it, from which no sd can be told.
+void read_branch_parameter_error(const ValueReader& value, const ErrorJob& error, Branch& branch) {
+    const bool known = !error.scale.estimate && error.sd_column.empty() && error.scale.value > 0.0;
+    if (!known || !std::holds_alternative<estimator::NormalErrors>(error.distribution)) {
+        if (value.sound()) value.report("the parameter has normal errors of a known sd: { \"sd\": 0.05 }, for example");
+        return;
+    }
+    branch.at_sd = error.scale.value;
+}
+
 /// By the names of measures.
 void read_branch_errors(const ValueReader& value, const Job& job, Branch& branch) {
     for (const auto& [name, member] : value.members()) {
         const std::size_t problems_before = member.problem_count();
         const ErrorJob error = read_error(member, job);
+        if (branch.parameter >= 0 && name == parameter_name(job, branch.parameter)) {
+            read_branch_parameter_error(member, error, branch);
+            continue;
+        }
         const auto one = std::find_if(branch.measures.begin(), branch.measures.end(), [&, &key = name](const auto& m) {
             return branch.measure_name(*job.model.system, m.measure, m.column.coordinate) == key;
         });
@@ -202,6 +216,7 @@ const FieldTable<Branch>& measured_branch_fields() {
              for (const Branch::Measure& one : branch.measures)
                  errors[branch.measure_name(*at.job.model.system, one.measure, one.column.coordinate)] =
                      error_document(one.error, at);
+             if (branch.at_sd > 0.0) errors[parameter_name(at.job, branch.parameter)] = Json{{"sd", branch.at_sd}};
              return errors;
          }}};
     return table;

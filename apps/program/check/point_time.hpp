@@ -49,7 +49,7 @@ double seconds_per_point(Eigen::Index available, const Compute& compute, std::st
         // Of two times that differ by little the quotient is chance.
         if (took >= measured_for_s || more == count)
             return std::max((took - before) / (static_cast<double>(count) - counted_before),
-                            0.5 * took / static_cast<double>(count));
+                            0.2 * took / static_cast<double>(count));
         before = took;
         counted_before = static_cast<double>(count);
         count = more;

@@ -25,7 +25,7 @@ constexpr double least_report = 0.1;       // files and their page, the start of
 constexpr double seconds_per_reading = 1e-5;
 constexpr double compilation = 10.0;
 constexpr double clean_search = 3e-6;      // a point of a section, cycles by local maps
-constexpr double noisy_search = 1.5e-3;    // a point, cycles by one map fitted to all
+constexpr double noisy_search = 1.1e-3;    // a point, cycles by one map fitted to all
 constexpr double search_per_period = 0.1;  // solving and fitting what was found
 constexpr double branch_orbits = 300.0;    // on the way and along a branch, held at once
 constexpr double waveform_orbits = 0.5;    // turns followed per evaluation: most orbits close again at once
@@ -35,7 +35,7 @@ constexpr double cycles_per_period = 30.0;  // that a search of a chaotic series
 constexpr double cycle_sweeps = 100.0;
 constexpr double series_sweeps = 40.0;
 constexpr double started_sweeps = 80.0;          // from other starts than the given one
-constexpr double prediction_intervals = 4096.0;  // more are thinned out
+constexpr double prediction_intervals = 2000.0;  // more are thinned out
 constexpr double posterior_steps = 7.0;          // gradients per draw
 constexpr double profile_sweeps = 100.0;         // per unknown: some twenty minimisations from near by
 constexpr double bytes = sizeof(double), megabyte = 1e6;
@@ -157,9 +157,10 @@ private:
             seconds += cycle_points() * amounts_.crossing() * amounts_.directions() / threads_;
         if (stage.uses(ResidualType::series) && estimate.series)
             for (const std::size_t index : estimate.series->data) {
-                // Segments are followed beside each other, and the intervals of a segment if it is divided.
-                const double cores =
-                    estimate.series->interval ? threads_ : std::clamp(amounts_.fitted_segments(index), 1.0, threads_);
+                // Segments are followed beside each other; intervals as well, several to a core.
+                const double cores = estimate.series->interval
+                                         ? 2.0 * threads_
+                                         : std::clamp(amounts_.fitted_segments(index), 1.0, threads_);
                 seconds += amounts_.fitted_points(index) * amounts_.derivative_step(index) / cores;
             }
         if (stage.uses(ResidualType::waveform) && estimate.waveform)
@@ -169,7 +170,7 @@ private:
         return seconds;
     }
 
-    /// Why the time of a stage is not known; empty: it is.
+    /// Why its time is not known; empty: it is.
     [[nodiscard]] std::string obstacle(const StageJob& stage) const {
         const EstimateJob& estimate = *job_.estimate;
         if (stage.uses(ResidualType::branch)) return "the branch is followed anew at every step, as far as it leads";

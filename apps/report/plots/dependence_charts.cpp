@@ -26,7 +26,7 @@ constexpr std::size_t readings_per_mean = 20;
 constexpr std::size_t most_pictures = 12;
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 /// Readings of all predicted segments together in a page: some 40 characters each, with the still picture.
-constexpr std::size_t most_predicted = std::size_t{1} << 12;
+constexpr std::size_t most_predicted = std::size_t{1} << 11;
 
 /// A quantity that a residual may depend on: its value at each reading of a group, in their order.
 struct Quantity {

@@ -171,6 +171,48 @@ TEST_CASE("formulas are measured along a branch, which is left behind with the m
                ContainsSubstring("twice.half_range"));
 }
 
+TEST_CASE("the parameter of a branch may have errors, and keeps the motion at the fold", "[apps][run]") {
+    TemporaryFolder folder;
+    write_text(folder.path() / "table.csv", measured_branch());
+    const std::string errors = R"(, "errors": { "omega": { "sd": 1e-3 }, "x.half_range": { "sd": 1e-3 } })";
+    const Path job = write_text(folder.path() / "job.json", job_text(errors));
+    const Path out = folder.path() / "out";
+    const Outcome outcome = orbid_with({"run", job, "--out", out});
+    CAPTURE(outcome.out, outcome.error);
+    REQUIRE(outcome.code == 0);
+    const json result = read_json(out / "result.json");
+    for (const auto& [name, truth] : {std::pair{"delta", 0.1}, std::pair{"beta", 0.3}, std::pair{"gamma", 0.4}})
+        CHECK_THAT(result["parameters"][name]["value"].get<double>(), WithinAbs(truth, 1e-7));
+    CHECK(result["errors"]["branch.omega"]["sd"]["value"] == 1e-3);
+    std::size_t motions = 0;
+    for (const json& state : result["steady_states"]) {
+        ++motions;
+        CHECK(state["used"] == true);
+    }
+    std::ifstream rows(out / "residuals.csv");
+    std::size_t lines = 0, of_parameter = 0;
+    for (std::string line; std::getline(rows, line); ++lines)
+        of_parameter += line.find(",omega,") != std::string::npos ? 1 : 0;
+    CHECK(of_parameter == motions);
+    CHECK(lines == 3 * motions);  // the header, and one measure is missing
+    const Outcome again = orbid_with({"run", out / "job.json", "--out", folder.path() / "again"});
+    CHECK(again.code == 0);
+    CHECK(read_json(folder.path() / "again" / "result.json")["parameters"] == result["parameters"]);
+}
+
+TEST_CASE("errors of the parameter of a branch need a known sd", "[apps][run]") {
+    TemporaryFolder folder;
+    write_text(folder.path() / "table.csv", "w,a,v\n1.2,1,1\n");
+    for (const char* error : {R"({ "sd": "estimate" })", R"({ "distribution": "student_t", "sd": 0.1 })"}) {
+        const Path job =
+            write_text(folder.path() / "job.json", job_text(fmt::format(R"(, "errors": {{ "omega": {} }})", error)));
+        const Outcome outcome = orbid_with({"check", job});
+        CAPTURE(error);
+        CHECK(outcome.code == 2);
+        CHECK_THAT(outcome.error + outcome.out, ContainsSubstring("the parameter has normal errors of a known sd"));
+    }
+}
+
 TEST_CASE("branches that cannot be used say why", "[apps][run]") {
     TemporaryFolder folder;
     const auto said = [&](const std::string& table, const std::string& text) {
