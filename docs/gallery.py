@@ -56,10 +56,6 @@ SYSTEMS = [
 ]
 
 
-def active():
-    return [system for system in SYSTEMS if system.exists()]
-
-
 def picture_of(system):
     job, plot, *options = system.picture.split()
     return f"{job}_{plot}.{'png' if '--format' in options else 'svg'}"
@@ -68,7 +64,7 @@ def picture_of(system):
 def pictures_table(folder):
     """Three pictures a row, each a link to its page."""
     cells = [f"[![{system.title}]({folder}{picture_of(system)})]({folder}{system.page}.md)<br>**{system.title}**: {system.says}"
-             for system in active()]
+             for system in SYSTEMS]
     rows = [cells[i:i + 3] + [""] * (3 - len(cells[i:i + 3])) for i in range(0, len(cells), 3)]
     table = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join(["<div class=\"gallery\" markdown>", "", table[0], "|---|---|---|", *table[1:], "", "</div>"])
@@ -87,7 +83,7 @@ def rows_of(text):
 def index(rows):
     prose = (GALLERY / "README.md.in").read_text()
     table = ["| system | | published | orbid | repeated by |", "|---|---|---|---|---|"]
-    table += [rows[system.page] for system in active() if system.page in rows]
+    table += [rows[system.page] for system in SYSTEMS if system.page in rows]
     return prose.replace("{{pictures}}", pictures_table("")).replace("{{figures}}", "\n".join(table))
 
 
@@ -97,12 +93,12 @@ def between_marks(text, inner):
 
 
 def write(bin_dir, wanted):
-    unknown = set(wanted) - {system.page for system in active()}
+    unknown = set(wanted) - {system.page for system in SYSTEMS}
     if unknown:
-        sys.exit(f"no system {', '.join(sorted(unknown))}; there are {', '.join(system.page for system in active())}")
+        sys.exit(f"no system {', '.join(sorted(unknown))}; there are {', '.join(system.page for system in SYSTEMS)}")
     contents = GALLERY / "README.md"
     rows = rows_of(contents.read_text()) if contents.exists() else {}
-    for system in active():
+    for system in SYSTEMS:
         if wanted and system.page not in wanted:
             continue
         with tempfile.TemporaryDirectory() as work:
@@ -141,7 +137,7 @@ def check(bin_dir):
     """Every page has its parts; those of the quick jobs say what these give, to a unit of the last digit or 1e-4."""
     contents, found = (GALLERY / "README.md").read_text(), []
     rows = rows_of(contents)
-    for system in active():
+    for system in SYSTEMS:
         mine = problems_of(system)
         if system.quick and not mine:
             with tempfile.TemporaryDirectory() as work:
@@ -151,7 +147,7 @@ def check(bin_dir):
                     differs = difference(shown_here, made, {"relative": "1e-4"})
                     mine += [differs[1]] if differs else []
         found += [f"docs/gallery/{system.page}.md: {problem}" for problem in mine]
-    if contents != index(rows) or set(rows) != {system.page for system in active()}:
+    if contents != index(rows) or set(rows) != {system.page for system in SYSTEMS}:
         found.append("docs/gallery/README.md: not what ./dev gallery makes")
     if pictures_table("docs/gallery/") not in (ROOT / "README.md").read_text():
         found.append("README.md: not the pictures that ./dev gallery puts there")
@@ -164,7 +160,7 @@ def check(bin_dir):
 def main(arguments):
     if len(arguments) == 3 and arguments[1] == "check":
         found = check(Path(arguments[2]).resolve())
-        print("\n".join(found) if found else f"{len(active())} systems, {sum(system.quick for system in active())} of them run")
+        print("\n".join(found) if found else f"{len(SYSTEMS)} systems, {sum(system.quick for system in SYSTEMS)} of them run")
         sys.exit(1 if found else 0)
     if len(arguments) >= 3 and arguments[1] == "write":
         write(Path(arguments[2]).resolve(), arguments[3:])

@@ -44,9 +44,6 @@ class System:
     # Jobs that differ from one in configs/ by some values: name -> (job, {pointer: value}).
     variants: dict = field(default_factory=dict)
 
-    def exists(self):
-        return (CONFIGS / f"{self.job}.json").exists()
-
 
 def job_of(name, variants):
     """The job as a dictionary, its files absolute."""
