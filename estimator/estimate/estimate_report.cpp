@@ -217,17 +217,6 @@ void fill_blocks(const BlockSet& set, const Minimum& minimum, const Posterior& p
     }
 }
 
-/// An exact fit, or derivatives so large that the rounding of the parameters exceeds the residuals.
-std::string why_at_floor(const EstimatedScale& scale) {
-    constexpr double far_above = 10.0;  // an encoder's floor is at most a few times the rms of what it reads
-    if (scale.value > far_above * scale.rms)
-        return "the derivatives of " + scale.group +
-               " are so large there that rounding of the parameters exceeds the residuals: neither estimate nor"
-               " directions mean anything; another start, shorter intervals, or \"stiff\": true";
-    return "the residuals of " + scale.group +
-           " are at rounding level or below their floor, their scale is held at its floor";
-}
-
 void describe(const Problem& problem, const Minimum& minimum, const Posterior& posterior, Estimate& estimate) {
     const Identifiability& identifiable = posterior.identifiable();
     estimate.singular_values = identifiable.singular_values;
@@ -251,10 +240,10 @@ void describe(const Problem& problem, const Minimum& minimum, const Posterior& p
     for (const NoiseModel& law : problem.laws)
         for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
             const std::size_t k = static_cast<std::size_t>(law.first) + j;
-            const EstimatedScale& scale = estimate.scales[static_cast<std::size_t>(law.channels.front())];
-            const std::string& group = scale.group;
+            const std::string& group = estimate.scales[static_cast<std::size_t>(law.channels.front())].group;
             if (minimum.error_at_floor[k] && j == 0)
-                estimate.message += "; " + why_at_floor(scale);
+                estimate.message += "; the residuals of " + group +
+                                    " are at rounding level or below their floor, their scale is held at its floor";
             else if (minimum.error_at_floor[k])
                 estimate.message += "; the " + law.coordinates[j].name + " of " + group + " is at its lower limit";
             if (minimum.error_at_ceiling[k])

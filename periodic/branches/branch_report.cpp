@@ -47,11 +47,20 @@ Crossings crossings_of(const CurvePoint& point, const models::Section& section) 
         const double speed = section.normal.dot(f);
         if (std::abs(gap) <= same_crossing * mesh.time * std::abs(speed) && speed * section.direction > 0.0)
             note(begin, x);
-        constexpr std::size_t most = 1000;  // crossings of one segment: only keeps the list finite
-        const auto found = setting.system.crossings(x, section, most, duration * (1.0 + same_crossing), theta,
-                                                    std::nullopt, setting.solver.flow);
-        for (Index k = 0; k < found.times.size(); ++k)
-            if (found.times(k) <= duration * (1.0 + same_crossing)) note(begin + found.times(k), found.states.col(k));
+        // One at a time: the flow ends with the segment, however soon another crossing would follow.
+        constexpr int most = 1000;  // only keeps the list finite
+        VectorXd from = x;
+        double at = 0.0;
+        for (int k = 0; k < most; ++k) {
+            const double left = duration * (1.0 + same_crossing) - at;
+            if (!(left > 0.0)) break;
+            const auto found =
+                setting.system.crossings(from, section, 1, left, theta, std::nullopt, setting.solver.flow);
+            if (found.times.size() == 0) break;
+            at += found.times(0);
+            from = found.states.col(0);
+            note(begin + at, from);
+        }
         begin += duration;
     }
     Crossings result{MatrixXd(point.curve->nodes(point.y).rows(), static_cast<Index>(states.size())),

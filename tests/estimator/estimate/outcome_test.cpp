@@ -71,24 +71,6 @@ TEST_CASE("a block that cannot be evaluated shortens the step; one that stops ev
     CHECK_THAT(result.parameters[0].value, WithinRel(expected.parameters[0].value, 1e-9));
 }
 
-TEST_CASE("derivatives beyond all rounding are told from an exact fit", "[estimator]") {
-    // As of an explicit flow at a stiff trial state: residuals of 1, derivatives of 1e18 without a direction.
-    FunctionResidual residual;
-    residual.add_group(group("y"));
-    residual.add_block(layout("stiff", 5), [](const Eigen::VectorXd&, const Eigen::VectorXd&, bool) {
-        estimator::BlockValue value;
-        value.e = Eigen::VectorXd::LinSpaced(5, -1.0, 1.0);
-        value.e_theta = Eigen::MatrixXd::Constant(5, 1, 1e18);
-        value.e_z.resize(5, 0);
-        return value;
-    });
-    const auto result = estimator::estimate({free_parameter("theta", 1.0)}, {&residual});
-    CAPTURE(result.message);
-    CHECK(result.status != estimator::EstimateStatus::converged);
-    CHECK_THAT(result.message, ContainsSubstring("the derivatives of y are so large there that rounding"));
-    CHECK_THAT(result.message, !ContainsSubstring("rounding level"));
-}
-
 TEST_CASE("a start that cannot be evaluated fails and names the block", "[estimator]") {
     FunctionResidual residual;
     residual.add_group(group("y"));
