@@ -28,6 +28,7 @@
 #include "apps/stored_run/motion_results.hpp"
 #include "apps/stored_run/prediction_job.hpp"
 #include "apps/stored_run/prediction_results.hpp"
+#include "apps/stored_run/stored_inputs.hpp"
 #include "apps/stored_run/stored_run.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -177,6 +178,11 @@ int predict_run(const CommandCall& call) {
         Experiment record;
         record.series = recorded_series(job.stored, 0);
         record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments);
+        const std::size_t readings = record.series.size();
+        record.series = covered_by_inputs(job.stored, std::move(record.series), record.inputs);
+        if (record.series.size() < readings)
+            progress.say(fmt::format("{} of {} readings lie before or after what the inputs cover: they are left out",
+                                     readings - record.series.size(), readings));
         const auto segments = record.series.sampling == orbits::Series::Sampling::samples
                                   ? static_cast<double>(record.series.segments.size())
                                   : 0.0;

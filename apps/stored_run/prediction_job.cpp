@@ -235,7 +235,10 @@ std::vector<std::size_t> put_estimates(const Json& estimates, const std::string&
             if (parameter.substr(at + 1) == experiment) entry["parameters"][base] = estimate["value"];
             continue;
         }
-        values[base] = estimate["value"];
+        // With equations in the job the value stands beside its unit and domain.
+        (values[base].is_object() ? values[base]["value"] : values[base]) = estimate["value"];
+        // Held in a prediction: a delay that moves would need inputs beyond the record.
+        if (entry.value("delay", Json()) == base) continue;
         free[base] = {{"start", estimate["value"]}, {"scale", "linear"}};
         rows.push_back(own_row);
     }

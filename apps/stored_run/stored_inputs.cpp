@@ -1,9 +1,12 @@
 #include "apps/stored_run/stored_inputs.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 #include "apps/job/data_job.hpp"
 #include "orbits/records/data_error.hpp"
+#include "orbits/records/record_part.hpp"
 
 namespace orbid::apps {
 
@@ -34,6 +37,27 @@ StoredInputs stored_inputs(const StoredRun& run, const std::string& experiment) 
         return {};
     }
     return inputs;
+}
+
+orbits::Series covered_by_inputs(const Job& job, orbits::Series series, const Inputs& inputs) {
+    if (inputs.empty() || series.sampling != orbits::Series::Sampling::samples) return series;
+    const DataJob& data = job.data.front();
+    const auto parameter = data.inputs->delay_parameter;
+    const double delay = parameter ? data.with_own(job.model.values)[*parameter] : 0.0;  // a number is in the inputs
+    const double second = data.sensor.type == models::Sensor::Type::angle_difference ? data.sensor.delay : 0.0;
+    constexpr double rounding = 1e-12;
+    for (std::size_t s = 0; s < series.segments.size(); ++s) {
+        orbits::RecordPart known;
+        known.begin = inputs[s]->first_time() + delay;
+        known.end = inputs[s]->last_time() + delay - second;
+        const double slack = rounding * (std::abs(known.begin) + std::abs(known.end));
+        known.begin -= slack;
+        known.end += slack;
+        orbits::Series one = series;
+        one.segments = {series.segments[s]};
+        series.segments[s] = orbits::part_of(std::move(one), known, "segment " + series.segments[s].label).segments[0];
+    }
+    return series;
 }
 
 }  // namespace orbid::apps

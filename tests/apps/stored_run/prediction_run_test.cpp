@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
 
@@ -171,6 +173,50 @@ TEST_CASE("a record is driven by its own input, never by that of the run", "[app
                ContainsSubstring("How far the record is predicted") && ContainsSubstring("whole segment"));
     CHECK(orbid_with({"predict", run, object, "--out", folder.path() / "again", "--quiet"}).error.empty());
     CHECK_FALSE(orbid_with({"predict", run, object, "--out", folder.path() / "again"}).error.empty());
+}
+
+/// x' = -1.5 x + u(t - 0.13) with u = sin(frequency t), settled, read with errors of some 1e-3.
+Path write_delayed(const Path& file, double frequency) {
+    std::string text = "t,u,x\n";
+    for (int k = 0; k <= 400; ++k) {
+        const double t = 0.05 * k, angle = frequency * (t - 0.13);
+        const double x = (1.5 * std::sin(angle) - frequency * std::cos(angle)) / (1.5 * 1.5 + frequency * frequency);
+        text += fmt::format("{:.2f},{:.12f},{:.12f}\n", t, std::sin(frequency * t), x + 1e-3 * std::cos(k * (k + 1.7)));
+    }
+    return write_text(file, text);
+}
+
+TEST_CASE("a record with a delayed input is predicted where its input is known", "[apps][predict]") {
+    const TemporaryFolder folder;
+    write_delayed(folder.path() / "first.csv", 1.0);
+    const Path second = write_delayed(folder.path() / "second.csv", 1.6);
+    json job = json::parse(R"({
+      "model": { "equations": { "x": "-k * x + u" }, "inputs": { "u": "1" },
+                 "parameters": { "k": { "value": 1.3, "unit": "1/s", "domain": "positive" }, "lag": 0.1 } },
+      "data": { "name": "rig", "file": "first.csv", "kind": "samples", "columns": { "time": "t", "x": "x" },
+                "window": [0.3, 20], "inputs": { "u": "u" }, "interpolation": "cubic", "delay": "lag" },
+      "estimate": { "parameters": { "k": {}, "lag": { "bounds": [0, 0.3] } },
+                    "residuals": [ { "type": "series", "interval": "segment" } ] } })");
+    REQUIRE(orbid_with({"run", write_job(folder.path() / "estimated.json", job)}).code == 0);
+    job["data"]["delay"] = 0.13;
+    job["model"]["parameters"].erase("lag");
+    job["estimate"]["parameters"].erase("lag");
+    REQUIRE(orbid_with({"run", write_job(folder.path() / "given.json", job)}).code == 0);
+    for (const char* run : {"estimated", "given"}) {
+        const Outcome outcome = orbid_with({"predict", folder.path() / run, second});
+        CAPTURE(run, outcome.error, outcome.out);
+        REQUIRE(outcome.code == 0);
+        // Of 401 readings those at 0, 0.05 and 0.1 s have no input 0.13 s before them.
+        CHECK_THAT(outcome.error, ContainsSubstring("3 of 401 readings lie before or after what the inputs cover"));
+        const json prediction = read_json(folder.path() / run / "predict_second" / "prediction.json");
+        CHECK(prediction["segments"][0]["readings"] == 398);
+        // The errors' rms is 1e-3 / sqrt 2; what is left of the fitted delay and k is far smaller.
+        CHECK_THAT(prediction["segments"][0]["course"]["rms"]["x"].get<double>(),
+                   WithinRel(1e-3 / std::sqrt(2.0), 0.1));
+        const json made = read_json(folder.path() / run / "predict_second" / "job.json");
+        CHECK(made["model"]["parameters"]["k"]["unit"] == "1/s");
+        CHECK_THAT(made["model"]["parameters"]["k"]["value"].get<double>(), WithinAbs(1.5, 0.01));
+    }
 }
 
 TEST_CASE("sections are predicted one step ahead", "[apps][predict]") {
