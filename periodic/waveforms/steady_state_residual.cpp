@@ -30,6 +30,12 @@ constexpr double alike = 0.25;
 /// Steps along the line to a theta that is too far for one: at most 2^4.
 constexpr int most_halvings = 4;
 
+/// Whether a block has an orbit to be followed. Without free parameters its place is empty all the same.
+template <class Known>
+bool has_orbit(const Known& known) {
+    return known.place.size() > 0 || (known.status == OrbitStatus::converged && known.orbit.points.size() > 0);
+}
+
 }  // namespace
 
 BlockValue SteadyStateResidual::failed() {
@@ -159,7 +165,7 @@ std::vector<PeriodicOrbit> SteadyStateResidual::solutions(const estimator::Activ
     tbb::parallel_for(std::size_t{0}, bindings_.size(), [&](std::size_t b) {
         const Known from = known(active, b);
         orbits[b].status = from.status;
-        if (from.place.size() > 0) orbits[b] = solve(b, from, moved_place(from, theta), false);
+        if (has_orbit(from)) orbits[b] = solve(b, from, moved_place(from, theta), false);
     });
     models::stop_if_left();
     return orbits;
@@ -179,7 +185,7 @@ int SteadyStateResidual::seek_again(estimator::ActiveSet& active, const VectorXd
         if (after.status != OrbitStatus::converged || !(misfit < alike)) after = before;
         after.sought_again = true;
         remember(active, b, after);
-        active.layout[b].active = after.place.size() > 0 && after.place.head(theta.size()) == theta;
+        active.layout[b].active = has_orbit(after) && after.place.head(theta.size()) == theta;
     });
     models::stop_if_left();
     return static_cast<int>(
@@ -193,7 +199,7 @@ estimator::RefreshReport SteadyStateResidual::update_active_set(estimator::Activ
     std::vector<VectorXd> places(bindings_.size());
     tbb::parallel_for(std::size_t{0}, bindings_.size(), [&](std::size_t b) {
         const Known from = known(active, b);
-        if (from.place.size() == 0) return;
+        if (!has_orbit(from)) return;
         places[b] = active.layout[b].active ? placed(b, theta, latents[b]) : moved_place(from, theta);
         solved[b] = solve(b, from, places[b], true);
     });
@@ -202,7 +208,7 @@ estimator::RefreshReport SteadyStateResidual::update_active_set(estimator::Activ
     bool far = false;
     for (std::size_t b = 0; b < bindings_.size(); ++b) {
         Known last = known(active, b);
-        if (last.place.size() == 0) continue;
+        if (!has_orbit(last)) continue;
         const bool there = solved[b].status == OrbitStatus::converged;
         if (there) {
             const VectorXd move = (solved[b].points.col(0) - last.orbit.points.col(0)).cwiseQuotient(last.scale);

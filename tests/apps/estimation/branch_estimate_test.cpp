@@ -214,6 +214,21 @@ TEST_CASE("errors of the parameter of a branch need a known sd", "[apps][run]") 
     }
 }
 
+TEST_CASE("a branch is compared with the model as it is, without free parameters", "[apps][run]") {
+    TemporaryFolder folder;
+    write_text(folder.path() / "table.csv", measured_branch());
+    std::string text = job_text();
+    const std::string free = R"("delta": { "start": 0.103 }, "beta": { "start": 0.29 }, "gamma": { "start": 0.41 })";
+    text.replace(text.find(free), free.size(), "");
+    const Outcome outcome = orbid_with({"run", write_text(folder.path() / "job.json", text)});
+    CAPTURE(outcome.out, outcome.error);
+    REQUIRE(outcome.code == 0);
+    const json result = read_json(folder.path() / "job" / "result.json");
+    CHECK(result["status"] == "converged");
+    // The table was made with the model's own values.
+    CHECK(result["errors"]["branch.x.half_range"]["rms"].get<double>() < 1e-8);
+}
+
 TEST_CASE("branches that cannot be used say why", "[apps][run]") {
     TemporaryFolder folder;
     const auto said = [&](const std::string& table, const std::string& text) {
