@@ -13,6 +13,8 @@
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/evaluated_model.hpp"
+#include "apps/job/orbits_job.hpp"
+#include "apps/job/periodic_job.hpp"
 #include "apps/program/check/point_time.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "identification/problem/problem_residuals.hpp"
