@@ -168,7 +168,10 @@ int predict_run(const CommandCall& call) {
         progress.within("reading the run");
         const StoredRun run = read_stored_run(call.words[0]);
         const std::filesystem::path data = call.words[1];
-        if (is_motion_question(run, data)) return predict_motions_of(call, run, data);
+        if (is_motion_question(run, data)) {
+            progress.within({});
+            return predict_motions_of(call, run, data);
+        }
         const PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
         const std::filesystem::path out =
             call.value("out", (run.folder / ("predict_" + data.stem().string())).string());

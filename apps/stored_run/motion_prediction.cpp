@@ -159,7 +159,7 @@ MeasuredMotion compared_motion(const StoredRun& run, const MotionQuestion& quest
 
 void add_branch(const StoredRun& run, const MotionQuestion& question, const identification::ParameterDraws& draws,
                 const std::vector<periodic::OrbitReading>& readings, const identification::PredictionRun& watch,
-                MotionPrediction& out) {
+                const std::optional<BranchChoice>& asked, MotionPrediction& out) {
     const Job& job = question.job;
     const ContinuationJob& continuation = *job.periodic->continuation;
     periodic::ContinuationOptions options = continuation.options;
@@ -184,11 +184,10 @@ void add_branch(const StoredRun& run, const MotionQuestion& question, const iden
     thin_out(job, out.followed.branches);
     for (const periodic::OrbitReading& reading : readings)
         out.followed.readings.push_back({reading.name, reading.unit, false});
-    if (!job.estimate) return;
-    const BranchChoice asked = measured_branch(job);
+    if (!asked) return;
     const BranchSheets sheets = sheets_of(out.branch, job.model.values[options.parameter]);
-    for (Index m = 0; m < asked.at.size(); ++m)
-        out.followed.measured.push_back(compared_motion(run, question, sheets, asked, m, out));
+    for (Index m = 0; m < asked->at.size(); ++m)
+        out.followed.measured.push_back(compared_motion(run, question, sheets, *asked, m, out));
     const auto few = std::count_if(out.compared.begin(), out.compared.end(), [&](const ComparedMeasure& one) {
         return out.draws > 0 && one.found > 0 && one.found < identification::fewest_draws;
     });
@@ -239,6 +238,8 @@ MotionPrediction predict_motions(
     const StoredRun& run, const MotionQuestion& question,
     const std::function<void(const std::string& what, std::size_t done, std::size_t total)>& progress) {
     const Job& job = question.job;
+    // Before minutes of draws: a table may lack a column.
+    const auto asked = job.estimate ? std::optional(measured_branch(job)) : std::nullopt;
     MotionPrediction out;
     out.remarks = question.remarks;
     for (const Index parameter : question.posterior.parameters)
@@ -279,7 +280,7 @@ MotionPrediction predict_motions(
                                                           start_of(job, job.periodic->orbits[s]), to, readings,
                                                           watching(fmt::format("orbit {}", out.orbits.size())));
         }
-    if (job.periodic->continuation) add_branch(run, question, draws, readings, watching("branch"), out);
+    if (job.periodic->continuation) add_branch(run, question, draws, readings, watching("branch"), asked, out);
     remark_on_methods(out);
     return out;
 }

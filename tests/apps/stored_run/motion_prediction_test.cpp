@@ -187,6 +187,10 @@ TEST_CASE("questions that cannot be answered say why", "[apps][predict]") {
     CHECK_THAT(said(R"({ "measured": { "file": "none.csv" } })"), ContainsSubstring("/measured/file"));
     CHECK_THAT(said(R"({ "measured": { "file": "unstable.csv", "columns": { "y.rms": "a" } } })"),
                ContainsSubstring("/measured/columns/y.rms"));
+    // A table is read before the draws, which may take minutes: nothing is written.
+    write_text(run.folder.path() / "lacking.csv", "w\n1.2\n");
+    CHECK_THAT(said(R"({ "measured": { "file": "lacking.csv" }, "bands": { "draws": 100000 } })", 3),
+               ContainsSubstring("lacking.csv: no column"));
     // A run of orbits alone has no estimate.
     const Path job =
         write_text(run.folder.path() / "job.json",
