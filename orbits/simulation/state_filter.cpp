@@ -17,7 +17,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double unknown_state = 0.3;  // sd of a start in ranges
-constexpr models::FlowOptions filter_flow{1e-8, 1e-8, 20000};
+constexpr models::FlowOptions filter_flow{1e-8, 1e-8, 2000};
+constexpr std::size_t most_filter_steps = 200;  // of flows per sample, in the mean
 
 /// One reading that a filter has used, for the way back.
 struct Used {
@@ -67,16 +68,29 @@ public:
                                                    theta_, record_.free, record_.clock, filter_flow);
         now_ = {};
         now_.carried = MatrixXd::Identity(all_, all_);
-        if (flow.status == models::FlowStatus::ok && flow.states.allFinite() && flow.sensitivities.allFinite()) {
+        steps_ += flow.steps;
+        MatrixXd carried = now_.carried;
+        if (flow.status == models::FlowStatus::ok && flow.states.allFinite() && flow.sensitivities.allFinite())
+            carried.topRows(n_) = record_.range.cwiseInverse().asDiagonal() * flow.sensitivities * scale_.asDiagonal();
+        else
+            carried.setConstant(std::numeric_limits<double>::infinity());
+        const MatrixXd spread = carried * p_ * carried.transpose();
+        if (spread.allFinite()) {
             x_ = flow.states.col(0);
-            now_.carried.topRows(n_) =
-                record_.range.cwiseInverse().asDiagonal() * flow.sensitivities * scale_.asDiagonal();
-            p_ = MatrixXd(now_.carried * p_ * now_.carried.transpose());
+            now_.carried = carried;
+            p_ = spread;
             const double share = typical_ > 0.0 ? duration / typical_ : 1.0;
             p_.diagonal().head(n_).array() += noise_.process * noise_.process * share;
         } else {
             p_.diagonal().head(n_).array() += unknown_state * unknown_state;
+            ++failed_;
         }
+    }
+
+    /// Nothing can come of going on from here, after `samples`.
+    [[nodiscard]] bool hopeless(Index samples) const {
+        constexpr Index enough = 20;
+        return 10 * failed_ > samples + enough || steps_ > most_filter_steps * static_cast<std::size_t>(samples + enough);
     }
 
     void read(Index sample) {
@@ -113,10 +127,8 @@ private:
         if (read.status != models::FlowStatus::ok || !std::isfinite(read.readings(row, 0)) ||
             !read.derivatives.row(row).allFinite())
             return {std::numeric_limits<double>::infinity(), {}};
-        Reading result{value - read.readings(row, 0), read.derivatives.row(row).transpose().cwiseProduct(scale_)};
-        if (models::reads_angle(record_.sensor, record_.system.coordinates(), static_cast<std::size_t>(row)))
-            result.error = models::wrapped(result.error);
-        return result;
+        return {record_.difference(static_cast<Index>(i), value, read.readings(row, 0)),
+                read.derivatives.row(row).transpose().cwiseProduct(scale_)};
     }
 
     void take(std::size_t i, double value, Index sample) {
@@ -148,12 +160,14 @@ private:
             change = next;
             if (same) break;
         }
+        // (I - K h) P (I - K h)^T + K sd^2 K^T stays positive.
+        const MatrixXd kept = MatrixXd::Identity(all_, all_) - used.gain * used.slope.transpose();
+        const MatrixXd left = kept * p_ * kept.transpose() + sd * sd * used.gain * used.gain.transpose();
+        if (!left.allFinite()) return;
         errors_[i].push_back(std::abs(first_error));
         x_ += record_.range.cwiseProduct(change.head(n_));
         theta_ = moved(change);
-        // (I - K h) P (I - K h)^T + K sd^2 K^T stays positive.
-        const MatrixXd kept = MatrixXd::Identity(all_, all_) - used.gain * used.slope.transpose();
-        p_ = MatrixXd(kept * p_ * kept.transpose() + sd * sd * used.gain * used.gain.transpose());
+        p_ = left;
         now_.used.push_back(std::move(used));
     }
 
@@ -176,6 +190,8 @@ private:
     MatrixXd p_;
     Step now_;
     double misfit_ = 0.0;
+    Index failed_ = 0;       ///< flows that could not be computed
+    std::size_t steps_ = 0;  ///< of all flows
     std::vector<std::vector<double>> errors_;
 };
 
@@ -186,7 +202,9 @@ MatrixXd smoothed(const FollowedRecord& record, const std::vector<Step>& steps) 
     VectorXd later = VectorXd::Zero(n + std::ssize(record.free));
     for (std::size_t k = steps.size(); k-- > 0;) {
         const Step& step = steps[k];
-        states.col(static_cast<Index>(k)) = step.state - record.range.cwiseProduct((step.covariance * later).head(n));
+        const VectorXd state = step.state - record.range.cwiseProduct((step.covariance * later).head(n));
+        if (!state.allFinite()) later.setZero();
+        states.col(static_cast<Index>(k)) = state.allFinite() ? state : step.state;
         for (auto used = step.used.rbegin(); used != step.used.rend(); ++used)
             later += used->slope * (-used->innovation / used->variance - used->gain.dot(later));
         later = step.carried.transpose() * later;
@@ -196,6 +214,12 @@ MatrixXd smoothed(const FollowedRecord& record, const std::vector<Step>& steps) 
 
 }  // namespace
 
+double FollowedRecord::difference(Index row, double reading, double read) const {
+    const auto coordinate = static_cast<std::size_t>(coordinates[static_cast<std::size_t>(row)]);
+    return models::reads_angle(sensor, system.coordinates(), coordinate) ? models::wrapped(reading - read)
+                                                                         : reading - read;
+}
+
 FilteredStates filtered_states(const FollowedRecord& record, const VectorXd& start, const FilterNoise& noise,
                                Index samples) {
     Filter filter(record, noise);
@@ -203,14 +227,15 @@ FilteredStates filtered_states(const FollowedRecord& record, const VectorXd& sta
     std::vector<Step> steps;
     for (Index k = 0; k < samples; ++k) {
         if (k > 0) filter.advance(k);
+        if (filter.hopeless(k)) return {{}, record.theta, {}, std::numeric_limits<double>::infinity()};
         filter.read(k);
         steps.push_back(std::move(filter.now()));
     }
     return {smoothed(record, steps), filter.theta(), filter.surprise(), filter.misfit()};
 }
 
-FilteredStates followed_states(const FollowedRecord& record, const VectorXd& start, const VectorXd& roughness) {
-    constexpr Index looked_at = 500;
+FilteredStates followed_states(const FollowedRecord& record, const MatrixXd& starts, const VectorXd& roughness) {
+    constexpr Index looked_at = 500, compared_at = 200;
     constexpr int rounds = 2;
     constexpr std::array<double, 7> reading_shares{1.0, 0.3, 0.1, 0.03, 0.01, 1e-3, 1e-4};
     constexpr std::array<double, 10> process{0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5};
@@ -218,6 +243,14 @@ FilteredStates followed_states(const FollowedRecord& record, const VectorXd& sta
     const Index few = std::min(samples, looked_at);
     FilterNoise best{roughness, 1e-2};
     double least = std::numeric_limits<double>::infinity();
+    VectorXd start = starts.col(0);
+    for (Index j = 0; j < starts.cols() && starts.cols() > 1; ++j) {
+        const double misfit = filtered_states(record, starts.col(j), best, std::min(samples, compared_at)).misfit;
+        if (!(misfit < least)) continue;
+        least = misfit;
+        start = starts.col(j);
+    }
+    least = std::numeric_limits<double>::infinity();
     const auto consider = [&](const FilterNoise& noise) {
         const double misfit = filtered_states(record, start, noise, few).misfit;
         if (!(misfit < least)) return;

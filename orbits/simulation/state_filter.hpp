@@ -23,6 +23,9 @@ struct FollowedRecord {
     /// Parameters that are as uncertain as the state: indices into theta, and the sds of their values there.
     std::vector<Eigen::Index> free;
     Eigen::VectorXd free_sd;
+
+    /// A reading minus what is read, of a row of `values`; angles wrapped.
+    [[nodiscard]] double difference(Eigen::Index row, double reading, double read) const;
 };
 
 /// Errors that a filter assumes.
@@ -48,7 +51,8 @@ struct FilteredStates {
 /// states to their side.
 ///
 /// Readings are taken one by one, each linearised anew until it settles. Where the flow cannot be computed the state
-/// stays, and its sd grows to that of the start.
+/// stays, and its sd grows to that of the start. Where that happens too often, or flows take hundreds of steps per
+/// sample, nothing can come of it: the way ends early, and its misfit is infinite.
 ///
 /// Source: Bierman, Factorization Methods for Discrete Sequential Estimation (1977), chapter 10 (smoother without
 /// inverses).
@@ -56,9 +60,11 @@ struct FilteredStates {
                                              const FilterNoise& noise, Eigen::Index samples);
 
 /// The same with the errors under which the first 500 readings are most likely: the readings' sds in common proportion
-/// downwards from `roughness`, and the process sd on a grid from 1e-5 to 0.3.
+/// downwards from `roughness`, and the process sd on a grid from 1e-5 to 0.3. Of several starts the one under which the
+/// first 200 are.
+/// @param starts     shape (n, starts), at least one.
 /// @param roughness  shape (rows): upper bounds of the readings' sds, > 0.
-[[nodiscard]] FilteredStates followed_states(const FollowedRecord& record, const Eigen::VectorXd& start,
+[[nodiscard]] FilteredStates followed_states(const FollowedRecord& record, const Eigen::MatrixXd& starts,
                                              const Eigen::VectorXd& roughness);
 
 }  // namespace orbid::orbits
