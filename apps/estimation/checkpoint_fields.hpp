@@ -246,9 +246,14 @@ inline void fields(Archive& archive, ComparisonResult& value) {
     archive(model, stage, large_defects, intervals, score, score_error, alternatives);
 }
 
+inline void fields(Archive& archive, SeriesStart& value) {
+    auto& [theta, intervals, nodes, reading_sds, follows, attempts, iterations, evaluations] = value;
+    archive(theta, intervals, nodes, reading_sds, follows, attempts, iterations, evaluations);
+}
+
 inline void fields(Archive& archive, StageValue& value) {
-    auto& [skipped, search, prediction, cycles, best_start, optima, runs, estimate] = value;
-    archive(skipped, search, prediction, cycles, best_start, optima, runs, estimate);
+    auto& [skipped, search, prediction, cycles, series, best_start, optima, runs, estimate] = value;
+    archive(skipped, search, prediction, cycles, series, best_start, optima, runs, estimate);
 }
 
 }  // namespace orbid::identification

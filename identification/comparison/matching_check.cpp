@@ -102,40 +102,18 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
     return results;
 }
 
-std::optional<double> matching_share(const StageRun& run) {
+std::optional<double> matched_noise(const StageRun& run) {
     double sum = 0.0;
-    double count = 0.0;
+    const auto& shooting = run.residuals.shooting;
     const std::size_t first = first_shooting(run.residuals);
-    for (std::size_t i = 0; i < run.residuals.shooting.size(); ++i) {
-        const orbits::ShootingResidual& residual = *run.residuals.shooting[i];
-        const estimator::ActiveSet& active = run.estimate.active.at(first + i);
-        const Eigen::VectorXd share = matching_sds(residual, active, run.estimate).cwiseQuotient(residual.range());
-        sum += share.array().log().sum();
-        count += static_cast<double>(share.size());
-    }
-    if (count == 0.0 || !std::isfinite(sum)) return std::nullopt;
-    return std::exp(sum / count);
+    for (std::size_t i = 0; i < shooting.size(); ++i)
+        sum += std::log(shooting[i]->noise(run.estimate.active.at(first + i)));
+    if (shooting.empty() || !std::isfinite(sum)) return std::nullopt;
+    return std::exp(sum / static_cast<double>(shooting.size()));
 }
 
-std::vector<std::vector<Eigen::MatrixXd>> estimated_nodes(const StageRun& run) {
-    std::vector<std::vector<Eigen::MatrixXd>> all;
-    const std::size_t first = first_shooting(run.residuals);
-    for (std::size_t i = 0; i < run.residuals.shooting.size(); ++i) {
-        const auto& latents = run.estimate.latents.at(first + i);
-        const auto& nodes = run.residuals.shooting[i]->plan().nodes;
-        std::vector<Eigen::MatrixXd>& segments = all.emplace_back();
-        for (std::size_t begin = 0; begin < nodes.size();) {
-            std::size_t end = begin;
-            while (end < nodes.size() && nodes[end].segment == nodes[begin].segment)
-                ++end;
-            Eigen::MatrixXd states(latents[begin].size(), static_cast<Eigen::Index>(end - begin));
-            for (std::size_t b = begin; b < end; ++b)
-                states.col(static_cast<Eigen::Index>(b - begin)) = latents[b];
-            segments.push_back(std::move(states));
-            begin = end;
-        }
-    }
-    return all;
+SeriesStart estimated_nodes(const StageRun& run) {
+    return nodes_at(run.residuals, run.estimate);
 }
 
 }  // namespace orbid::identification

@@ -15,10 +15,11 @@ namespace orbid::identification {
 ///                  orbits::ContinuityReport. Not done with other residuals in the stage, or unless it has converged.
 [[nodiscard]] std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared);
 
-/// Sd of matching as a share of the ranges, one for all coordinates and series (geometric mean); empty without nodes.
-[[nodiscard]] std::optional<double> matching_share(const StageRun& run);
+/// Errors of readings over their ranges, as far as matching knew them; of several series the geometric mean. Empty
+/// without nodes.
+[[nodiscard]] std::optional<double> matched_noise(const StageRun& run);
 
-/// Nodes at the estimate: by experiment of the stage, by fitted segment, shape (n, nodes).
-[[nodiscard]] std::vector<std::vector<Eigen::MatrixXd>> estimated_nodes(const StageRun& run);
+/// Intervals and nodes of the series at the estimate.
+[[nodiscard]] SeriesStart estimated_nodes(const StageRun& run);
 
 }  // namespace orbid::identification

@@ -25,22 +25,16 @@ constexpr double compared_tightness = 1.0;
 // Fits to the cycles that both models have; a third model that loses more each time is not worth a fourth.
 constexpr int most_rounds = 3;
 
-/// Errors of readings over their ranges at which exact matching ends at this share: the inverse of exact_matching().
-double reading_noise(double share) {
-    const bool noisy = share > orbits::exact_matching(orbits::noisy_readings);
-    return share / (noisy ? orbits::noisy_tightness : orbits::exact_tightness);
-}
-
 /// The problem whose matching is loosened to what models are compared at.
 IdentificationProblem compared_problem(const StageInput& input, const StageRun& run) {
     IdentificationProblem problem = input.problem;
-    const auto share = matching_share(run);
-    if (share && problem.series->matching.kind != Matching::Kind::estimated &&
+    const auto noise = matched_noise(run);
+    if (noise && problem.series->matching.kind != Matching::Kind::estimated &&
         problem.series->matching.kind != Matching::Kind::given && !run.residuals.shooting.empty()) {
         // An estimated sd is part of the comparison, a given one the user's word.
         const bool exact = std::none_of(run.residuals.shooting.begin(), run.residuals.shooting.end(),
                                         [](const auto& one) { return one->groups().back().scale.estimate; });
-        if (exact) problem.series->matching = {Matching::Kind::given, compared_tightness * reading_noise(*share)};
+        if (exact) problem.series->matching = {Matching::Kind::given, compared_tightness * *noise};
     }
     return problem;
 }
@@ -213,7 +207,7 @@ private:
 
     const StageInput& input_;
     const StageRun& run_;
-    std::vector<std::vector<Eigen::MatrixXd>> nodes_;
+    SeriesStart nodes_;
     IdentificationProblem problem_;
     Stage stage_;
     Stage from_start_;

@@ -7,6 +7,7 @@
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/exploration/multi_start.hpp"
 #include "identification/starts/cycle_start.hpp"
+#include "identification/starts/series_start.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
 namespace orbid::identification {
@@ -18,6 +19,7 @@ struct StageValue {
     std::optional<orbits::CycleSearch> search;  ///< of a harvest: all cycles, new ones included
     Eigen::VectorXd prediction;                 ///< start of a prediction
     CycleStart cycles;                          ///< start from cycles
+    SeriesStart series;                         ///< start from series with nodes
     Eigen::VectorXd best_start;                 ///< of several starts; empty: only one
     std::vector<estimator::Optimum> optima;
     std::vector<estimator::StartedRun> runs;

@@ -62,18 +62,42 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
                                                    input.problem.measured.section_phase, start, nodes, options);
 }
 
-/// The residuals of a stage; cycles with a start of their own move `parameters`.
-/// @param known  `start` holds what was found here before.
-ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Parameters& parameters, CycleStart& start,
+/// The search for a start of series with nodes.
+SeriesStart searched_series(StageInput& input, const Parameters& parameters) {
+    SeriesSearch search;
+    search.estimate = input.estimate;
+    search.log = [&](const std::string& line) { input.observer.detail(line); };
+    search.watched = [&](const std::string& name, const estimator::StepReport& report) {
+        input.observer.step(name, report);
+    };
+    search.reached = [&](const Eigen::VectorXd& theta) {
+        if (input.kept) input.observer.reached(theta, std::numeric_limits<double>::quiet_NaN());
+    };
+    input.observer.within("states at the nodes");
+    return search_series_start(input.problem, input.options, input.setup, parameters, search);
+}
+
+/// The residuals of a stage; cycles and series with a start of their own move `parameters`.
+/// @param known  `memory` holds what was found here before.
+ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Parameters& parameters, StageValue& memory,
                                  bool known) {
     const IdentificationProblem& problem = input.problem;
+    CycleStart& start = memory.cycles;
     ProblemResiduals residuals;
     if (stage.uses(ResidualType::series)) {
         for (const auto& series : input.prepared.series)
             residuals.series.push_back(std::make_unique<orbits::SeriesResidual>(*series));
         residuals.experiments = input.prepared.experiments;
-        if (problem.series->interval) input.observer.within("states at the nodes");
-        if (problem.series->interval) add_shooting(problem, input.setup, starts(parameters), input.nodes, residuals);
+        if (problem.series->interval) {
+            const bool alone = stage.kind == Stage::Kind::residuals && stage.residuals.size() == 1;
+            if (!known && alone && input.nodes.nodes.empty() && needs_search(problem))
+                memory.series = searched_series(input, parameters);
+            if (memory.series.attempts > 0) begin_at(memory.series.theta, parameters);
+            SeriesStart nodes = memory.series.attempts > 0 ? memory.series : input.nodes;
+            nodes.theta = starts(parameters);
+            input.observer.within("states at the nodes");
+            add_shooting(problem, input.setup, nodes, residuals);
+        }
     }
     if (stage.uses(ResidualType::waveform)) {
         if (starts(parameters) == input.setup.start()) {
@@ -155,7 +179,7 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
         options = prediction_options(options);
         if (input.kept && !known) input.observer.reached(start.theta, std::numeric_limits<double>::quiet_NaN());
     } else {
-        run.residuals = stage_residuals(input, stage, parameters, memory.cycles, known);
+        run.residuals = stage_residuals(input, stage, parameters, memory, known);
     }
     if (run.residuals.all().empty())
         return skipped(stage, parameters, "no cycle was found: there is nothing to estimate from");
@@ -164,8 +188,8 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
         try_starts(input, memory, known, run.residuals, parameters);
     if (!known) memory.estimate = estimator::estimate(parameters, run.residuals.all(), input.setup.derived, options);
     run.estimate = memory.estimate;
-    run.estimate.iterations += memory.cycles.iterations;
-    run.estimate.evaluations += memory.cycles.evaluations;
+    run.estimate.iterations += memory.cycles.iterations + memory.series.iterations;
+    run.estimate.evaluations += memory.cycles.evaluations + memory.series.evaluations;
     run.result.status = run.estimate.status;
     run.parameters = std::move(parameters);
     return run;

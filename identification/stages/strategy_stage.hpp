@@ -10,6 +10,7 @@
 #include "identification/problem/identification_result.hpp"
 #include "identification/problem/observer.hpp"
 #include "identification/problem/problem_residuals.hpp"
+#include "identification/starts/series_start.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
 namespace orbid::identification {
@@ -35,8 +36,7 @@ struct StageInput {
     estimator::EstimateOptions estimate;
     orbits::CycleSearch search;      ///< a harvest adds to it
     StartResults* starts = nullptr;  ///< report of several starts, if the options ask for them
-    /// Start nodes of series: by experiment of the series, by fitted segment; empty: guessed.
-    std::vector<std::vector<Eigen::MatrixXd>> nodes;
+    SeriesStart nodes;       ///< intervals and nodes of series; without any they are searched for or guessed
     bool kept = false;  ///< the observer keeps what stages come to, for a run that continues
 };
 

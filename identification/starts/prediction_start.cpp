@@ -22,54 +22,6 @@ constexpr std::size_t predicted_intervals = 2000;
 constexpr int prediction_iterations = 60;
 constexpr double prediction_tolerance = 1e-2;
 
-orbits::Continuity matching(const IdentificationProblem& problem, const Experiment& data) {
-    const Matching& asked = problem.series->matching;
-    orbits::Continuity result;
-    // A simulated record follows its equations; a measured one only as far as the model is right.
-    const bool perfect =
-        asked.kind == Matching::Kind::exact || (asked.kind == Matching::Kind::automatic && data.follows_model);
-    result.kind = perfect ? orbits::Continuity::Kind::exact : orbits::Continuity::Kind::normal;
-    result.estimate = !perfect && asked.kind != Matching::Kind::given;
-    if (asked.kind == Matching::Kind::given) result.share = asked.sd;
-    return result;
-}
-
-/// What is known of the first states; empty where nothing is.
-Eigen::VectorXd first_state(const Experiment& data) {
-    Eigen::VectorXd state =
-        Eigen::VectorXd::Constant(std::ssize(data.initial_state), std::numeric_limits<double>::quiet_NaN());
-    for (std::size_t i = 0; i < data.initial_state.size(); ++i)
-        if (data.initial_state[i].value) state[static_cast<Eigen::Index>(i)] = *data.initial_state[i].value;
-    return state.array().isFinite().any() ? state : Eigen::VectorXd();
-}
-
-orbits::ShootingOptions shooting_options(const IdentificationProblem& problem, std::size_t experiment,
-                                         const Eigen::VectorXd& start) {
-    const SeriesChoice& asked = *problem.series;
-    const Experiment& data = problem.experiments[experiment];
-    orbits::ShootingOptions options;
-    options.name = asked.data.size() > 1 ? "series." + data.name : "series";
-    options.sensor = data.sensor;
-    for (const Eigen::Index coordinate : data.observe) {
-        options.observe.emplace_back(problem.coordinate(coordinate).name);
-        // A rate that is a difference of two readings has the errors of the angle.
-        const bool second = data.sensor.type == models::Sensor::Type::angle_difference &&
-                            coordinate == static_cast<Eigen::Index>(data.sensor.rate);
-        const Eigen::Index own = second ? static_cast<Eigen::Index>(data.sensor.angle) : coordinate;
-        for (const RecordErrors& error : asked.errors) {
-            if (error.coordinate != own) continue;
-            options.errors.push_back(error.scale);
-            options.forms.push_back(error_form(error));
-        }
-    }
-    options.segments = data.fitted_segments();
-    options.matching = matching(problem, data);
-    options.interval = static_cast<Eigen::Index>(asked.interval.value_or(SeriesChoice::automatic_interval));
-    options.start = start;
-    options.first_state = first_state(data);
-    return options;
-}
-
 /// @param experiments  among which the intervals that are predicted are divided.
 std::unique_ptr<orbits::PredictionResidual> prediction_residual(const IdentificationProblem& problem,
                                                                 std::size_t experiment,
@@ -111,26 +63,6 @@ std::unique_ptr<orbits::PredictionResidual> prediction_residual(const Identifica
 }
 
 }  // namespace
-
-void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const Eigen::VectorXd& start,
-                  const std::vector<std::vector<Eigen::MatrixXd>>& nodes, ProblemResiduals& residuals) {
-    const auto& experiments = problem.series->data;
-    for (std::size_t i = 0; i < experiments.size(); ++i) {
-        const std::size_t experiment = experiments[i];
-        const Experiment& measured = problem.experiments[experiment];
-        orbits::ShootingOptions options = shooting_options(problem, experiment, start);
-        options.inputs = measured.inputs;
-        options.delay = setup.delay(measured, experiment);
-        if (!nodes.empty()) options.nodes = nodes.at(i);
-        try {
-            residuals.shooting.push_back(std::make_unique<orbits::ShootingResidual>(
-                problem.system, setup.experiments[experiment], *measured.series, std::move(options)));
-        } catch (const orbits::DataError& error) {
-            throw orbits::DataError(fmt::format("{}: {}", problem.experiments[experiment].name, error.what()));
-        }
-        residuals.shooting_experiments.push_back(experiment);
-    }
-}
 
 PredictionStart prediction_start(const IdentificationProblem& problem, const Options& options,
                                  const EstimateSetup& setup, const models::ParameterBinding& cycle_binding,

@@ -11,12 +11,6 @@
 
 namespace orbid::identification {
 
-/// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start`.
-/// @param nodes  known ones by experiment of the series and fitted segment; empty: guessed.
-/// @throws orbits::DataError when the data do not suffice, naming the experiment.
-void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const Eigen::VectorXd& start,
-                  const std::vector<std::vector<Eigen::MatrixXd>>& nodes, ProblemResiduals& residuals);
-
 /// A start by prediction over one interval, and the residuals for the estimate that follows.
 struct PredictionStart {
     Eigen::VectorXd theta;

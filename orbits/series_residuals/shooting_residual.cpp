@@ -153,7 +153,8 @@ void ShootingResidual::begin_matching(const VectorXd& theta) {
         end = std::exp(matching_.sd.cwiseQuotient(data.range).array().log().mean());
         unit_ = matching_.sd / end;
     } else {
-        end = matching_.estimate ? memory[reading_noise] * estimated_tightness : exact_matching(memory[reading_noise]);
+        end = matching_.estimate ? memory[reading_noise] * estimated_tightness
+                                 : exact_matching(memory[reading_noise], sampled());
     }
     memory[tightness] = end;
     apply_matching(initial_);
@@ -181,7 +182,7 @@ void ShootingResidual::apply_matching(estimator::ActiveSet& active) const {
         estimator::Group& group = active.groups[first + static_cast<std::size_t>(i)];
         group.scale.value = memory[tightness] * unit_[i];
         if (matching_.estimate)
-            group.floor = std::min(least_matching(memory[reading_noise]) * unit_[i], group.scale.value);
+            group.floor = std::min(least_matching(memory[reading_noise], sampled()) * unit_[i], group.scale.value);
     }
 }
 
@@ -202,7 +203,7 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     find_noise(active);
     const double noise = memory[reading_noise];
     double& end = memory[final_tightness];
-    if (matching_.kind == Continuity::Kind::exact) end = std::min(memory[tightness], exact_matching(noise));
+    if (matching_.kind == Continuity::Kind::exact) end = std::min(memory[tightness], exact_matching(noise, sampled()));
     memory[tightness] = std::max(end, next_share(noise) * memory[tightness]);
     apply_matching(active);
     return {};

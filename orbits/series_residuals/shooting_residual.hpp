@@ -109,6 +109,10 @@ public:
     [[nodiscard]] Eigen::Index interval() const { return data_->interval; }
     /// Size of each coordinate's range, shape (n). In this unit matching is equally tight for all.
     [[nodiscard]] const Eigen::VectorXd& range() const { return data_->range; }
+    /// The same of what is read, by group of readings.
+    [[nodiscard]] double reading_range(std::size_t group) const { return data_->reading_range[group]; }
+    /// Indices of the segments that are fitted.
+    [[nodiscard]] const std::vector<std::size_t>& fitted() const { return data_->options.segments; }
     /// Matching sds of a set, shape (n); 0 when matching is by constraints.
     [[nodiscard]] Eigen::VectorXd matching_sd(const estimator::ActiveSet& active) const {
         return active.memory.front()[tightness] * unit_;
@@ -184,6 +188,8 @@ private:
     [[nodiscard]] const models::System& system_of(std::size_t segment) const {
         return *data_->systems[data_->systems.size() == 1 ? 0 : segment];
     }
+
+    [[nodiscard]] bool sampled() const { return data_->series.sampling == Series::Sampling::samples; }
 
     std::shared_ptr<const Data> data_;
     Continuity matching_;

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "models/arithmetic/median.hpp"
 #include "models/arithmetic/singular_values.hpp"
 #include "models/definition/parameter.hpp"
+#include "orbits/records/reading_noise.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/simulation/first_state.hpp"
 #include "orbits/simulation/node_state.hpp"
@@ -22,29 +22,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr models::FlowOptions track_flow{1e-8, 1e-8, 20000};
-
-/// Upper bound of the sd of a reading: fourth differences of a smooth course are small, those of its errors are
-/// sqrt(70) of their sd.
-double roughness(const Eigen::Ref<const VectorXd>& values) {
-    constexpr double normal_median = 1.4826;
-    std::vector<double> known, differences;
-    for (const double value : values)
-        if (std::isfinite(value)) known.push_back(value);
-    for (std::size_t k = 4; k < known.size(); ++k)
-        differences.push_back(
-            std::abs(known[k] - 4.0 * known[k - 1] + 6.0 * known[k - 2] - 4.0 * known[k - 3] + known[k - 4]));
-    return normal_median * models::upper_median(std::move(differences)) / std::sqrt(70.0);
-}
-
-/// Readings of an angle, running on across the cut of the circle.
-void follow_turns(VectorXd& values) {
-    double last = std::numeric_limits<double>::quiet_NaN();
-    for (double& value : values) {
-        if (!std::isfinite(value)) continue;
-        if (std::isfinite(last)) value = last + models::wrapped(value - last);
-        last = value;
-    }
-}
 
 FollowedRecord followed_record(const models::System& system, const VectorXd& theta, const Series& series,
                                const Segment& data, const models::Sensor& sensor) {
@@ -76,11 +53,9 @@ VectorXd reading_sds(const FollowedRecord& record, const Series& series) {
     VectorXd sd(std::ssize(record.coordinates));
     for (Index i = 0; i < sd.size(); ++i) {
         const auto row = static_cast<std::size_t>(i);
-        VectorXd values = record.values.row(i).transpose();
-        if (models::reads_angle(record.sensor, record.system.coordinates(),
-                                static_cast<std::size_t>(record.coordinates[row])))
-            follow_turns(values);
-        sd[i] = std::max(roughness(values), finest * scale[record.rows[row]]);
+        const bool angle = models::reads_angle(record.sensor, record.system.coordinates(),
+                                               static_cast<std::size_t>(record.coordinates[row]));
+        sd[i] = std::max(reading_noise(record.values.row(i).transpose(), angle), finest * scale[record.rows[row]]);
     }
     return sd;
 }
