@@ -179,7 +179,7 @@ std::vector<Attempt> attempts(const IdentificationProblem& problem, const Option
         list.push_back({"an eighth of a turn", start, 0.125});
         list.push_back({"a third of a turn", start, 1.0 / 3.0});
     }
-    const std::size_t others = anything_hidden(problem) ? 6 : 3;
+    const std::size_t others = anything_hidden(problem) ? 12 : 6;
     const auto near = held_near(parameters, width);
     for (std::uint64_t k = 0; k < others; ++k) {
         const estimator::RandomStream random(options.seed, estimator::RandomPurpose::multi_start, k);
@@ -197,9 +197,11 @@ public:
         : problem_(problem), setup_(setup), parameters_(parameters), search_(search) {}
 
     Attempted make(const Attempt& attempt) {
-        constexpr int most_steps = 80;
+        constexpr int most_steps = 45;
         constexpr double rough = 1e-2;
         constexpr double prior_width = 1.0;
+        // A flow of an interval that takes more steps than this goes where no start belongs.
+        constexpr models::FlowOptions quick_flow{1e-11, 1e-11, 2000};
         Attempted result;
         result.start.theta = attempt.theta;
         result.start.follows = true;
@@ -209,7 +211,7 @@ public:
                     ? static_cast<std::size_t>(interval_of_turns(problem_.experiments[experiment], attempt.turns))
                     : *problem_.series->interval);
         ProblemResiduals residuals;
-        add_shooting(problem_, setup_, result.start, residuals);
+        add_shooting(problem_, setup_, result.start, residuals, quick_flow);
         std::vector<estimator::FreeParameter> near = held_near(parameters_, prior_width);
         for (std::size_t i = 0; i < near.size(); ++i)
             near[i].start = attempt.theta[static_cast<Eigen::Index>(i)];
@@ -220,12 +222,14 @@ public:
         options.step_tolerance = rough;
         options.watched = [&](const estimator::StepReport& report) {
             if (search_.watched) search_.watched(attempt.name, report);
+            if (search_.reached && !reached_) search_.reached(report.theta);
         };
         result.estimate = estimator::estimate(near, residuals.all(), {}, options);
         const estimator::Estimate& found = result.estimate;
         const bool whole = found.status != estimator::EstimateStatus::failed && !found.parameters.empty() &&
                            found.latents.size() == residuals.shooting.size();
         if (!whole) return result;
+        reached_ = true;
         result.start = nodes_at(residuals, found);
         for (std::size_t i = 0; i < residuals.shooting.size(); ++i)
             result.start.reading_sds.push_back(reading_sds(i, *residuals.shooting[i], found));
@@ -255,6 +259,7 @@ private:
     const EstimateSetup& setup_;
     const std::vector<estimator::FreeParameter>& parameters_;
     const SeriesSearch& search_;
+    bool reached_ = false;  ///< an attempt has come to something
 };
 
 }  // namespace
@@ -284,7 +289,7 @@ SeriesStart nodes_at(const ProblemResiduals& residuals, const estimator::Estimat
 }
 
 void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
-                  ProblemResiduals& residuals) {
+                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow) {
     const auto& experiments = problem.series->data;
     for (std::size_t i = 0; i < experiments.size(); ++i) {
         const std::size_t experiment = experiments[i];
@@ -292,6 +297,7 @@ void add_shooting(const IdentificationProblem& problem, const EstimateSetup& set
         orbits::ShootingOptions options = shooting_options(problem, i, start);
         options.inputs = measured.inputs;
         options.delay = setup.delay(measured, experiment);
+        if (flow) options.flow = *flow;
         try {
             residuals.shooting.push_back(std::make_unique<orbits::ShootingResidual>(
                 problem.system, setup.experiments[experiment], *measured.series, std::move(options)));

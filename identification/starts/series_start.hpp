@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,9 +32,10 @@ struct SeriesStart {
 
 /// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start.theta` unless it has
 /// them.
+/// @param flow  of the nodes; nothing: as accurate and as long as needed.
 /// @throws orbits::DataError when the data do not suffice, naming the experiment.
 void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
-                  ProblemResiduals& residuals);
+                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow = std::nullopt);
 
 /// What a search for a start tells while it goes on. Anything may be empty.
 struct SeriesSearch {
