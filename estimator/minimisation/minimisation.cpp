@@ -56,8 +56,10 @@ Standing Minimisation::standing() {
     const TrialStep& full = full_step();
     minimum_.step = full.parameters;
     minimum_.remaining = std::sqrt(std::max(full.curvature, 0.0));
+    // Posterior sds are those of rounding only where no other error makes them.
     const std::vector<bool>& floor = minimum_.error_at_floor;
-    return {minimum_.remaining, errors_.rounding(), std::find(floor.begin(), floor.end(), true) != floor.end(),
+    const bool at_floor = !floor.empty() && std::all_of(floor.begin(), floor.end(), [](bool one) { return one; });
+    return {minimum_.remaining, errors_.rounding(), at_floor,
             radius_ < 1e-14 * model_.damping.cwiseProduct(model_.fallback).norm(), stages_.left(minimum_.matching)};
 }
 

@@ -43,7 +43,7 @@ bool Stopping::gains_no_digits(double remaining) const {
 
 /// Whether the step that is left is not more than the residuals' rounding.
 bool Stopping::within_rounding(const Standing& standing) {
-    // With a scale at its floor a sd is itself the rounding of the residuals.
+    // With all scales at their floor a sd is itself the rounding of the residuals.
     const double least = floor_sds * (standing.at_floor ? 1.0 : std::min(standing.rounding, 1.0));
     return standing.remaining < std::max(rounding_sds, least);
 }

@@ -15,7 +15,7 @@ namespace orbid::estimator {
 struct Standing {
     double remaining = 0.0;        ///< length of the full step, in posterior sds
     double rounding = 0.0;         ///< see ErrorLimits
-    bool at_floor = false;         ///< an error scale is held at its lower limit
+    bool at_floor = false;         ///< every error scale is held at its lower limit
     bool radius_vanished = false;  ///< the trust region is below the rounding of parameters
     bool stages_left = false;      ///< constraints can still tighten
 };

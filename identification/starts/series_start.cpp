@@ -171,7 +171,7 @@ bool anything_hidden(const IdentificationProblem& problem) {
 
 std::vector<Attempt> attempts(const IdentificationProblem& problem, const Options& options,
                               const std::vector<estimator::FreeParameter>& parameters) {
-    constexpr double width = 0.5;
+    constexpr double width = 0.4;
     const Eigen::VectorXd start = starts(parameters);
     const bool chosen = *problem.series->interval != SeriesChoice::automatic_interval;
     std::vector<Attempt> list{{"start", start, 0.0}};
@@ -196,35 +196,64 @@ public:
                    const std::vector<estimator::FreeParameter>& parameters, const SeriesSearch& search)
         : problem_(problem), setup_(setup), parameters_(parameters), search_(search) {}
 
+    /// The same from its nodes with the signs of the starts, where those explain the readings as well: a sign that
+    /// nothing tells (l in l^2) is not to change.
+    Attempted with_signs_of_start(Attempted found) {
+        std::vector<Eigen::VectorXd> flipped;
+        Eigen::VectorXd all = found.start.theta;
+        for (std::size_t i = 0; i < parameters_.size(); ++i) {
+            const auto k = static_cast<Eigen::Index>(i);
+            if (!parameters_[i].tied_to.empty() || !(parameters_[i].start * all[k] < 0.0)) continue;
+            all[k] = -all[k];
+            flipped.push_back(found.start.theta);
+            flipped.back()[k] = all[k];
+        }
+        if (flipped.size() > 1) flipped.insert(flipped.begin(), all);
+        for (const Eigen::VectorXd& theta : flipped) {
+            SeriesStart start = found.start;
+            start.theta = theta;
+            Attempted other = from("signs of the start", start);
+            if (other.start.follows && changed_signs(other) < changed_signs(found)) return other;
+        }
+        return found;
+    }
+
     Attempted make(const Attempt& attempt) {
-        constexpr int most_steps = 45;
-        constexpr double rough = 1e-2;
-        constexpr double prior_width = 1.0;
-        // A flow of an interval that takes more steps than this goes where no start belongs.
-        constexpr models::FlowOptions quick_flow{1e-11, 1e-11, 2000};
-        Attempted result;
-        result.start.theta = attempt.theta;
-        result.start.follows = true;
+        SeriesStart start;
+        start.theta = attempt.theta;
+        start.follows = true;
         for (const std::size_t experiment : problem_.series->data)
-            result.start.intervals.push_back(
+            start.intervals.push_back(
                 attempt.turns > 0.0
                     ? static_cast<std::size_t>(interval_of_turns(problem_.experiments[experiment], attempt.turns))
                     : *problem_.series->interval);
+        return from(attempt.name, start);
+    }
+
+private:
+    Attempted from(const std::string& name, const SeriesStart& start) {
+        constexpr int most_steps = 45;
+        constexpr double rough = 1e-2;
+        constexpr double prior_width = 0.5;
+        // A flow of an interval that takes more steps than this goes where no start belongs.
+        constexpr models::FlowOptions quick_flow{1e-11, 1e-11, 2000};
+        Attempted result;
         ProblemResiduals residuals;
-        add_shooting(problem_, setup_, result.start, residuals, quick_flow);
+        add_shooting(problem_, setup_, start, residuals, quick_flow);
         std::vector<estimator::FreeParameter> near = held_near(parameters_, prior_width);
         for (std::size_t i = 0; i < near.size(); ++i)
-            near[i].start = attempt.theta[static_cast<Eigen::Index>(i)];
+            near[i].start = start.theta[static_cast<Eigen::Index>(i)];
         estimator::EstimateOptions options = search_.estimate;
         options.variance = estimator::Variance::ml;
         options.verdict = false;
         options.maximum_iterations = most_steps;
         options.step_tolerance = rough;
         options.watched = [&](const estimator::StepReport& report) {
-            if (search_.watched) search_.watched(attempt.name, report);
+            if (search_.watched) search_.watched(name, report);
             if (search_.reached && !reached_) search_.reached(report.theta);
         };
         result.estimate = estimator::estimate(near, residuals.all(), {}, options);
+        if (is_on_its_way(result.estimate)) go_on(near, residuals, options, result.estimate);
         const estimator::Estimate& found = result.estimate;
         const bool whole = found.status != estimator::EstimateStatus::failed && !found.parameters.empty() &&
                            found.latents.size() == residuals.shooting.size();
@@ -234,14 +263,44 @@ public:
         for (std::size_t i = 0; i < residuals.shooting.size(); ++i)
             result.start.reading_sds.push_back(reading_sds(i, *residuals.shooting[i], found));
         result.misfit = misfit_of(residuals, found);
-        result.start.follows = found.status == estimator::EstimateStatus::converged;
+        result.start.follows = found.status != estimator::EstimateStatus::interrupted;
         for (std::size_t i = 0; i < residuals.shooting.size() && result.start.follows; ++i)
             result.start.follows = !found.active[i].is_intermediate_stage &&
                                    explains(problem_, i, *residuals.shooting[i], found);
         return result;
     }
 
-private:
+    /// How many parameters have another sign than at their start.
+    [[nodiscard]] std::ptrdiff_t changed_signs(const Attempted& one) const {
+        std::ptrdiff_t count = 0;
+        for (std::size_t i = 0; i < parameters_.size(); ++i)
+            count += parameters_[i].start * one.start.theta[static_cast<Eigen::Index>(i)] < 0.0 ? 1 : 0;
+        return count;
+    }
+
+    /// All stages are behind it, and only steps are missing.
+    static bool is_on_its_way(const estimator::Estimate& estimate) {
+        return estimate.status == estimator::EstimateStatus::iteration_limit && !estimate.parameters.empty() &&
+               std::none_of(estimate.active.begin(), estimate.active.end(),
+                            [](const estimator::ActiveSet& one) { return one.is_intermediate_stage; });
+    }
+
+    /// Goes on from where an attempt has come to.
+    void go_on(std::vector<estimator::FreeParameter> near, ProblemResiduals& residuals,
+               const estimator::EstimateOptions& options, estimator::Estimate& estimate) const {
+        for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
+            const orbits::ShootingResidual& one = *residuals.shooting[i];
+            residuals.shooting[i] = std::make_unique<orbits::ShootingResidual>(
+                one.with(one.matching(), estimate.active[i], estimate.latents[i], estimated_theta(estimate)));
+        }
+        for (std::size_t i = 0; i < near.size(); ++i)
+            near[i].start = estimate.parameters[i].value;
+        const int iterations = estimate.iterations, evaluations = estimate.evaluations;
+        estimate = estimator::estimate(near, residuals.all(), {}, options);
+        estimate.iterations += iterations;
+        estimate.evaluations += evaluations;
+    }
+
     /// By observed coordinate; empty where two of them share an error.
     [[nodiscard]] std::vector<double> reading_sds(std::size_t place, const orbits::ShootingResidual& residual,
                                                   const estimator::Estimate& estimate) const {
@@ -344,7 +403,7 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
                                    estimator::name(one.estimate.status), one.estimate.iterations, one.misfit,
                                    one.start.follows ? ": explains the readings" : ""));
         if (best && !one.start.follows && !(one.misfit < best->misfit)) continue;
-        best = std::move(one);
+        best = one.start.follows ? run.with_signs_of_start(std::move(one)) : std::move(one);
         if (search.reached && std::isfinite(best->misfit)) search.reached(best->start.theta);
         if (best->start.follows) break;
     }
