@@ -7,6 +7,7 @@
 #include "estimator/errors/noise_model.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/block_set.hpp"
+#include "estimator/problem/tie.hpp"
 
 namespace orbid::estimator {
 
@@ -59,7 +60,7 @@ EvidenceTerms evidence_terms(const std::vector<FreeParameter>& parameters,
     else if (estimate.status != EstimateStatus::converged)
         terms.obstacle = "the estimate has status " + std::string(name(estimate.status)) + ": " + estimate.message;
     for (const FreeParameter& parameter : parameters) {
-        if (!parameter.tied_to.empty()) continue;
+        if (!parameter.tied_to.empty() || is_held(parameter)) continue;
         const bool joint =
             std::any_of(options.joint_priors.begin(), options.joint_priors.end(), [&](const JointNormalPrior& prior) {
                 return std::find(prior.names.begin(), prior.names.end(), parameter.name) != prior.names.end();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -58,11 +59,28 @@ Estimated follow(const Estimated& leader, const FreeParameter& parameter, double
     return result;
 }
 
+/// What is said of a parameter that keeps its value.
+Estimated held_at(const FreeParameter& parameter, double value) {
+    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+    Estimated result;
+    result.name = parameter.name;
+    result.unit = parameter.unit;
+    result.value = result.start = value;
+    result.sd = result.laplace_sd = result.lower95 = result.upper95 = unknown;
+    result.interval_method = IntervalMethod::fixed;
+    result.data_share = 0.0;
+    return result;
+}
+
 }  // namespace
+
+bool is_held(const FreeParameter& parameter) {
+    return parameter.tied_to.empty() && parameter.lower == parameter.upper && parameter.start == parameter.lower;
+}
 
 bool any_tied(const std::vector<FreeParameter>& parameters) {
     return std::any_of(parameters.begin(), parameters.end(),
-                       [](const FreeParameter& parameter) { return !parameter.tied_to.empty(); });
+                       [](const FreeParameter& parameter) { return !parameter.tied_to.empty() || is_held(parameter); });
 }
 
 TiedProblem resolve_ties(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
@@ -79,6 +97,7 @@ TiedProblem resolve_ties(const std::vector<FreeParameter>& parameters, const std
             check(parameter, by_name);
             continue;
         }
+        if (is_held(parameter)) continue;
         reduced[parameter.name] = static_cast<Eigen::Index>(problem.parameters.size());
         problem.parameters.push_back(parameter);
     }
@@ -90,8 +109,16 @@ TiedProblem resolve_ties(const std::vector<FreeParameter>& parameters, const std
                                             found->second->tied_to + "\"; name that one there");
     std::vector<ParameterSource> sources;
     for (const FreeParameter& parameter : parameters) {
+        if (is_held(parameter)) {
+            sources.push_back({-1, parameter.start});
+            continue;
+        }
         if (parameter.tied_to.empty()) {
             sources.push_back({reduced.at(parameter.name), 1.0});
+            continue;
+        }
+        if (const FreeParameter& held = *by_name.at(parameter.tied_to); is_held(held)) {
+            sources.push_back({-1, parameter.tie_factor * held.start});
             continue;
         }
         const Eigen::Index leader = reduced.at(parameter.tied_to);
@@ -131,38 +158,75 @@ std::vector<DerivedQuantity> TiedProblem::derived(const std::vector<DerivedQuant
 
 void TiedProblem::expand(Estimate& estimate) const {
     if (!any()) return;
-    std::vector<Eigen::Index> source;
-    Eigen::VectorXd factor(map.full_size());
-    for (const ParameterSource& one : map.sources()) {
-        factor[static_cast<Eigen::Index>(source.size())] = one.value;
-        source.push_back(one.reduced);
-    }
+    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+    const auto& sources = map.sources();
+    const auto n = map.full_size();
     const std::vector<Estimated> reduced = std::move(estimate.parameters);
     estimate.parameters.clear();
-    for (std::size_t i = 0; i < full.size(); ++i)
+    for (std::size_t i = 0; i < full.size(); ++i) {
+        const ParameterSource& source = sources[i];
         estimate.parameters.push_back(
-            follow(reduced[static_cast<std::size_t>(source[i])], full[i], factor[static_cast<Eigen::Index>(i)]));
-    const auto rows = [&](const Eigen::VectorXd& values) { return Eigen::VectorXd(values(source)); };
-    // Element by element: undetermined rows are nan, which a matrix product would spread.
-    const auto square = [&](const Eigen::MatrixXd& values, const Eigen::VectorXd& factors) {
-        return Eigen::MatrixXd((factors * factors.transpose()).cwiseProduct(values(source, source)));
+            source.reduced < 0 ? held_at(full[i], source.value)
+                               : follow(reduced[static_cast<std::size_t>(source.reduced)], full[i], source.value));
+    }
+    const auto rows = [&](const Eigen::VectorXd& values, double held) {
+        Eigen::VectorXd all(n);
+        for (Eigen::Index i = 0; i < n; ++i) {
+            const Eigen::Index from = sources[static_cast<std::size_t>(i)].reduced;
+            all[i] = from < 0 ? held : values[from];
+        }
+        return all;
     };
-    const Eigen::VectorXd sign = factor.unaryExpr([](double x) { return std::copysign(1.0, x); });
+    // Element by element: undetermined rows are nan, which a matrix product would spread.
+    const auto square = [&](const Eigen::MatrixXd& values, bool signs) {
+        Eigen::MatrixXd all = Eigen::MatrixXd::Constant(n, n, unknown);
+        const auto factor = [&](const ParameterSource& one) {
+            return signs ? std::copysign(1.0, one.value) : one.value;
+        };
+        for (Eigen::Index i = 0; i < n; ++i)
+            for (Eigen::Index j = 0; j < n; ++j) {
+                const ParameterSource &a = sources[static_cast<std::size_t>(i)],
+                                      &b = sources[static_cast<std::size_t>(j)];
+                if (a.reduced < 0 || b.reduced < 0) continue;
+                all(i, j) = factor(a) * factor(b) * values(a.reduced, b.reduced);
+            }
+        return all;
+    };
     const Eigen::Index count = map.reduced_size();
-    if (estimate.covariance.rows() == count) estimate.covariance = square(estimate.covariance, factor);
-    if (estimate.correlation.rows() == count) estimate.correlation = square(estimate.correlation, sign);
-    if (estimate.hessian_ratio.size() == count) estimate.hessian_ratio = rows(estimate.hessian_ratio);
+    if (estimate.covariance.rows() == count) estimate.covariance = square(estimate.covariance, false);
+    if (estimate.correlation.rows() == count) estimate.correlation = square(estimate.correlation, true);
+    if (estimate.hessian_ratio.size() == count) estimate.hessian_ratio = rows(estimate.hessian_ratio, unknown);
     // Relative changes: a follower changes by the same fraction as the parameter it follows.
     for (NullDirection& direction : estimate.null_directions)
-        if (direction.components.size() == count) direction.components = rows(direction.components);
+        if (direction.components.size() == count) direction.components = rows(direction.components, 0.0);
     // A product of powers is named by the parameters that are free: with followers it would be another product.
     for (SloppyDirection& direction : estimate.sloppy_directions) {
         if (direction.components.size() != count) continue;
-        Eigen::VectorXd components = rows(direction.components);
+        Eigen::VectorXd components = rows(direction.components, 0.0);
         for (std::size_t i = 0; i < full.size(); ++i)
             if (!full[i].tied_to.empty()) components[static_cast<Eigen::Index>(i)] = 0.0;
         direction.components = components;
     }
+}
+
+Estimate TiedProblem::reduced(const Estimate& estimate) const {
+    Estimate part = estimate;
+    part.parameters.clear();
+    std::vector<Eigen::Index> places;
+    for (std::size_t i = 0; i < full.size() && i < estimate.parameters.size(); ++i) {
+        if (!full[i].tied_to.empty() || map.sources()[i].reduced < 0) continue;
+        places.push_back(static_cast<Eigen::Index>(i));
+        part.parameters.push_back(estimate.parameters[i]);
+    }
+    const Eigen::Index count = map.full_size();
+    if (part.covariance.rows() == count) part.covariance = estimate.covariance(places, places);
+    if (part.correlation.rows() == count) part.correlation = estimate.correlation(places, places);
+    if (part.hessian_ratio.size() == count) part.hessian_ratio = estimate.hessian_ratio(places);
+    for (NullDirection& direction : part.null_directions)
+        if (direction.components.size() == count) direction.components = Eigen::VectorXd(direction.components(places));
+    for (SloppyDirection& direction : part.sloppy_directions)
+        if (direction.components.size() == count) direction.components = Eigen::VectorXd(direction.components(places));
+    return part;
 }
 
 }  // namespace orbid::estimator

@@ -10,12 +10,13 @@
 
 namespace orbid::estimator {
 
-/// An estimate with tied parameters (FreeParameter::tied_to), reformulated without them.
+/// An estimate with tied parameters (FreeParameter::tied_to) or held ones, reformulated without them. Held is a
+/// parameter whose bounds leave it one value: lower = start = upper.
 ///
 /// The estimate of `parameters` with `residuals` and the result of derived() is the requested one; expand() restores
 /// the original list of parameters. Derived quantities and residuals keep the full vector theta as argument.
 struct TiedProblem {
-    std::vector<FreeParameter> parameters;  ///< those that are not tied; bounds of their followers hold for them
+    std::vector<FreeParameter> parameters;  ///< neither tied nor held; bounds of their followers hold for them
     std::vector<std::unique_ptr<MappedResidual>> adapters;
     std::vector<const Residual*> residuals;  ///< the adapters; the residuals as given when nothing is tied
     ParameterMap map = ParameterMap::identity(0);
@@ -28,14 +29,21 @@ struct TiedProblem {
 
     /// Parameters, covariance, correlation, directions and hessian_ratio of `estimate` in terms of the full list. A
     /// tied parameter has value, start, sd and interval of the one it follows times its factor, and the same part in
-    /// null directions. Products of powers (sloppy directions) stay those of the free ones.
+    /// null directions. A held one has its value and neither sd nor interval. Products of powers (sloppy directions)
+    /// stay those of the free ones.
     void expand(Estimate& estimate) const;
+
+    /// The part of a full estimate that belongs to `parameters`: these and their covariance.
+    [[nodiscard]] Estimate reduced(const Estimate& estimate) const;
 };
 
-/// Whether any parameter is tied.
+/// Bounds that leave one value.
+[[nodiscard]] bool is_held(const FreeParameter& parameter);
+
+/// Whether any parameter is tied or held.
 [[nodiscard]] bool any_tied(const std::vector<FreeParameter>& parameters);
 
-/// Reformulates an estimate with tied parameters without them.
+/// Reformulates an estimate with tied or held parameters without them. A follower of a held one is held as well.
 ///
 /// @throws std::invalid_argument naming the parameter. Names: duplicates. Ties: to itself, to an unknown name or to a
 ///         tied parameter; a factor that is 0 or not finite. A tied parameter with a prior of its own (alone or in a

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "estimator/problem/problem.hpp"
+#include "estimator/problem/tie.hpp"
 #include "estimator/sampling/chain_diagnostic.hpp"
 #include "estimator/sampling/improper_posterior.hpp"
 #include "estimator/sampling/posterior_density.hpp"
@@ -248,6 +249,11 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
     validate(options);
     if (start.active.size() != residuals.size())
         throw std::invalid_argument("posterior sample: the estimate does not belong to these parameters and residuals");
+    if (std::any_of(parameters.begin(), parameters.end(), is_held)) {
+        const TiedProblem free = resolve_ties(parameters, residuals, estimate_options.joint_priors);
+        return sample_posterior(free.parameters, free.residuals, free.derived(derived), estimate_options,
+                                free.reduced(start), options);
+    }
     const Problem problem = set_up(parameters, residuals, start.active, derived, estimate_options);
     refuse_unfit(problem, start);
     const BlockSet set = freeze(residuals, start.active, problem.channels, problem.laws);

@@ -155,4 +155,45 @@ TEST_CASE("wrong ties are refused by name", "[estimator][tie]") {
     CHECK_THROWS_WITH(resolve_ties({a, follower("b", "a")}, {nullptr}), ContainsSubstring("residuals[0] is null"));
 }
 
+TEST_CASE("bounds that leave one value hold a parameter", "[estimator][tie]") {
+    const Line line;
+    FunctionResidual residual;
+    residual.add_group(group("y"));
+    residual.add_block(layout("data", 8), linear(line.y, line.x));
+    std::vector<FreeParameter> parameters{free_parameter("a", 0.3), free_parameter("b", 0.7), free_parameter("c", 0.1)};
+    parameters[1].lower = parameters[1].upper = parameters[1].start;
+    REQUIRE(any_tied(parameters));
+    const DerivedQuantity sum{"sum", [](const VectorXd& p) { return p.sum(); },
+                              [](const VectorXd& p) { return VectorXd(VectorXd::Ones(p.size())); }};
+    const Estimate estimate = estimator::estimate(parameters, {&residual}, {sum}, EstimateOptions{});
+    REQUIRE(estimate.status == EstimateStatus::converged);
+    REQUIRE(estimate.parameters.size() == 3);
+    CHECK(estimate.parameters[1].value == 0.7);
+    CHECK(std::isnan(estimate.parameters[1].sd));
+    CHECK(estimate.parameters[1].interval_method == IntervalMethod::fixed);
+    // Least squares of what is left.
+    MatrixXd x(8, 2);
+    x << line.x.col(0), line.x.col(2);
+    const VectorXd right = line.y - 0.7 * line.x.col(1);
+    const MatrixXd inverse = (x.transpose() * x).inverse();
+    const VectorXd best = inverse * x.transpose() * right;
+    CHECK_THAT(estimate.parameters[0].value, WithinAbs(best[0], 1e-8));
+    CHECK_THAT(estimate.parameters[2].value, WithinAbs(best[1], 1e-8));
+    const double variance = (right - x * best).squaredNorm() / 6.0;
+    CHECK_THAT(estimate.parameters[2].sd, WithinRel(std::sqrt(variance * inverse(1, 1)), 1e-6));
+    CHECK_THAT(estimate.covariance(0, 2), WithinRel(variance * inverse(0, 1), 1e-6));
+    CHECK(std::isnan(estimate.covariance(0, 1)));
+    CHECK_THAT(estimate.derived[0].value, WithinAbs(best.sum() + 0.7, 1e-8));
+    CHECK_THAT(estimate.derived[0].sd, WithinRel(std::sqrt(variance * inverse.sum()), 1e-6));
+    // Its follower is held as well, and a part of the estimate forgets both.
+    parameters.push_back(follower("d", "b", 2.0));
+    const TiedProblem problem = resolve_ties(parameters, {&residual});
+    REQUIRE(problem.parameters.size() == 2);
+    CHECK(problem.map.expand(VectorXd::Zero(2))[3] == 1.4);
+    const Estimate part = resolve_ties({parameters.begin(), parameters.end() - 1}, {&residual}).reduced(estimate);
+    REQUIRE(part.parameters.size() == 2);
+    CHECK(part.parameters[1].name == "c");
+    CHECK(part.covariance(0, 1) == estimate.covariance(0, 2));
+}
+
 }  // namespace orbid::tests::tie_test
