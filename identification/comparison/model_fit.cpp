@@ -45,7 +45,11 @@ StageRun ModelFit::fit(const Stage& stage, const estimator::Estimate& from) {
     for (estimator::FreeParameter& parameter : parameters) {
         const auto same = std::find_if(from.parameters.begin(), from.parameters.end(),
                                        [&](const estimator::Estimated& one) { return one.name == parameter.name; });
-        if (same != from.parameters.end()) parameter.start = same->value;
+        if (same == from.parameters.end()) continue;
+        parameter.start = same->value;
+        // What the estimate holds is held in every model.
+        if (same->interval_method == estimator::IntervalMethod::fixed)
+            parameter.lower = parameter.upper = parameter.start;
     }
     StageRun run = fit_stage(input_, stage, parameters);
     input_.observer.detail(fmt::format("{}: {}, {} iterations, objective {:.6g}; {}", name_,

@@ -11,6 +11,7 @@
 
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/exploration/multi_start.hpp"
+#include "identification/problem/structural_report.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
 #pragma GCC visibility push(default)
@@ -105,6 +106,7 @@ struct IdentificationResult {
     std::vector<MatchingResult> matching;
     std::optional<ComparisonResult> comparison;
     std::shared_ptr<const StageRun> best;  ///< residuals of the best stage (not installed); null: no stage has run
+    StructuralReport structure;            ///< what the readings can determine, found before the stages
 };
 
 }  // namespace orbid::identification

@@ -179,8 +179,10 @@ void check_enough_readings(const IdentificationProblem& problem, const EstimateS
         names.emplace_back("branch");
         std::for_each(residuals.branch->layout().begin(), residuals.branch->layout().end(), add_block);
     }
-    const auto free = std::count_if(setup.parameters.begin(), setup.parameters.end(),
-                                    [](const auto& parameter) { return !estimator::is_proper(parameter.prior); });
+    const auto free = std::count_if(setup.parameters.begin(), setup.parameters.end(), [](const auto& parameter) {
+        const bool held = parameter.lower == parameter.upper;
+        return !held && !estimator::is_proper(parameter.prior);
+    });
     const std::size_t unknowns = static_cast<std::size_t>(free) + initial_values;
     if (readings > unknowns) return;
     throw orbits::DataError(

@@ -9,6 +9,7 @@
 #include "identification/comparison/model_comparison.hpp"
 #include "identification/stages/strategy_run.hpp"
 #include "identification/starts/derivative_self_check.hpp"
+#include "identification/structure/structural_check.hpp"
 
 namespace orbid::identification {
 
@@ -34,6 +35,23 @@ void criticise_result(const StageInput& input, const StageRun& best, Identificat
     result.comparison = criticise(input, stage, best);
 }
 
+/// What the readings can determine is told, and what they cannot is held.
+StructuralReport examined_structure(const IdentificationProblem& problem, EstimateSetup& setup, Observer& observer) {
+    observer.within("what the readings can determine");
+    StructuralReport report = structural_report(problem, setup);
+    hold(report, setup.parameters);
+    for (const std::string& line : remarks(report))
+        observer.remark(line);
+    if (!report.reason.empty()) observer.detail("what the readings can determine was not examined: " + report.reason);
+    return report;
+}
+
+void add_held(const StructuralReport& structure, std::string& message) {
+    for (const UndeterminedDirection& direction : structure.directions)
+        message +=
+            fmt::format("{}{} was held at its start: {}", message.empty() ? "" : "; ", direction.held, direction.text);
+}
+
 }  // namespace
 
 IdentificationResult identify(const IdentificationProblem& asked, const Options& given, Observer& observer) {
@@ -54,9 +72,10 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     const models::ParameterBinding& cycle_binding = searched_binding(problem, setup);
     if (const auto flow = first_flow(problem, setup, prepared, cycle_binding, options.seed))
         observer.detail(compare_derivatives(*flow));
+    IdentificationResult result;
+    result.structure = examined_structure(problem, setup, observer);
     observer.within({});
 
-    IdentificationResult result;
     StartResults starts;
     StageInput input{problem,
                      options,
@@ -72,6 +91,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     const auto take = [&](const StrategyRun& run) {
         result.stages = run.stages;
         result.estimate = strategy_estimate(run, observer.stopped());
+        add_held(result.structure, result.estimate.message);
         result.optima = starts.optima;
         result.runs = starts.runs;
         result.cycles = input.search.cycles;
