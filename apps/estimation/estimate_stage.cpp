@@ -192,6 +192,7 @@ public:
     void stage_ended(const IdentificationResult& so_far) override {
         const bool staged = work_.job.estimate->strategy.size() > 1;
         ResultContext& context = outcome_.context;
+        context.structure = so_far.structure;
         if (staged) context.strategy.stages = so_far.stages;
         context.posterior.optima = so_far.optima;
         context.posterior.runs = so_far.runs;

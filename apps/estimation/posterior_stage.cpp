@@ -10,6 +10,7 @@
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "estimator/exploration/evidence.hpp"
+#include "estimator/problem/tie.hpp"
 #include "models/definition/wrong_data.hpp"
 
 namespace orbid::apps {
@@ -22,7 +23,7 @@ std::vector<std::string> chosen(const ParameterChoice& choice,
     std::vector<std::string> names;
     if (choice.all) return names;
     for (const auto& parameter : parameters)
-        if (choice.contains(parameter.name)) names.push_back(parameter.name);
+        if (choice.contains(parameter.name) && !estimator::is_held(parameter)) names.push_back(parameter.name);
     // What is no parameter belongs to an error group; the reader checked it.
     for (const std::string& name : choice.names) {
         const auto is_it = [&](const estimator::FreeParameter& parameter) {
@@ -150,14 +151,18 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
     quiet.watched = {};
     const auto progress = [&work](int finished, int) { work.progress.at(finished); };
     Exploration exploration(work, estimate, checkpoint, results);
-    if (job.profile.any())
+    // Of parameters that are held there is nothing to explore.
+    const auto wanted = [&](const ParameterChoice& choice) {
+        return choice.any() && (choice.all || !chosen(choice, parameters).empty());
+    };
+    if (wanted(job.profile))
         exploration.unknowns("profile", chosen(job.profile, parameters), results.profiles, [&] {
             estimator::ProfileOptions profile;
             profile.names = chosen(job.profile, parameters);
             profile.progress = progress;
             return estimator::profiles(parameters, residuals, quiet, estimate, profile);
         });
-    if (job.marginals.any())
+    if (wanted(job.marginals))
         exploration.unknowns("marginals", chosen(job.marginals, parameters), results.marginals, [&] {
             estimator::MarginalOptions marginal;
             marginal.names = chosen(job.marginals, parameters);

@@ -78,6 +78,8 @@ int check_job(const CommandCall& call) {
     const Job& job = *reading.job;
     const DataCheck data = check_data(job);
     call.console.out << job_summary(job);
+    for (const std::string& remark : data.remarks)
+        call.console.out << "  note       " << remark << '\n';
     for (const std::string& problem : data.problems)
         call.console.error << error_text(problem, coloured) << '\n';
     if (!data.problems.empty()) return unusable_data;

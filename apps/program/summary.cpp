@@ -18,7 +18,13 @@ namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
+/// The value was given, not estimated.
+bool is_held(const estimator::Estimated& x) {
+    return x.interval_method == estimator::IntervalMethod::fixed;
+}
+
 std::string interval(const estimator::Estimated& x) {
+    if (is_held(x)) return "";
     if (!std::isfinite(x.lower95) || !std::isfinite(x.upper95)) return "undefined";
     return fmt::format("[{}, {}]", with_digits_of(x.lower95, x.sd), with_digits_of(x.upper95, x.sd));
 }
@@ -28,8 +34,10 @@ std::string estimated_table(const std::vector<estimator::Estimated>& list) {
                         left_aligned("95 % interval"), left_aligned("method"), left_aligned("bound")});
     for (const auto& x : list)
         table.add({x.name, x.unit, significant(x.start, 4), with_digits_of(x.value, x.sd),
-                   std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", interval(x),
-                   std::string(name(x.interval_method)),
+                   std::isfinite(x.sd) ? significant(x.sd, 2)
+                   : is_held(x)        ? "held"
+                                       : "undefined",
+                   interval(x), std::string(name(x.interval_method)),
                    x.at_bound == estimator::BoundSide::none ? "" : fmt::format("at {}", name(x.at_bound))});
     return table.text();
 }

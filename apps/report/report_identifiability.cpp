@@ -98,6 +98,22 @@ std::string null_directions(const Json& directions) {
     return out + "</ul>\n";
 }
 
+/// What no record of these readings determines, found before the fit.
+std::string structural_directions(const Json& structural) {
+    std::string out = "<ul>\n";
+    for (const Json& direction : block_at(structural, "directions"))
+        out += fmt::format("<li>{}</li>\n",
+                           markup_text(fmt::format("{}. Held at its start: {}.", text_at(direction, "text"),
+                                                   text_at(direction, "held"))));
+    for (const Json& signs : block_at(structural, "signs")) {
+        std::string names;
+        for (const Json& name : signs)
+            append_words(names, name.get<std::string>(), ", ");
+        out += fmt::format("<li>{}</li>\n", markup_text(fmt::format("The sign of {} is a matter of choice.", names)));
+    }
+    return out + "</ul>\n";
+}
+
 }  // namespace
 
 ReportChapter identifiability_chapter(const ReportSource& source) {
@@ -106,6 +122,9 @@ ReportChapter identifiability_chapter(const ReportSource& source) {
     const Json& result = *source.run.result;
     const Json& identifiability = block_at(result, "identifiability");
     if (identifiability.empty() || block_at(result, "parameters").empty()) return chapter;
+    const Json& structural = block_at(identifiability, "structural");
+    if (!block_at(structural, "directions").empty() || !block_at(structural, "signs").empty())
+        chapter.html += html_headed(3, "Determined by no record", structural_directions(structural));
     if (const Json& directions = block_at(identifiability, "null_directions"); !directions.empty())
         chapter.html += html_headed(3, "Not determined", null_directions(directions));
     chapter.html += html_headed(3, "Correlations", correlations(result));

@@ -39,7 +39,10 @@ std::string estimated_table(const std::string& caption, const Json& list) {
         const std::string bound = text_at(entry, "at_bound");
         table.add({name,
                    estimate_cell(number_at(entry, "value"), sd),
-                   {std::isfinite(sd) ? significant(sd, 2) : "undefined", sd},
+                   {std::isfinite(sd)        ? significant(sd, 2)
+                    : entry.contains("held") ? "held"
+                                             : "undefined",
+                    sd},
                    text_at(entry, "unit"),
                    parameter_interval_text(entry, sd),
                    text_at(entry, "interval_method"),

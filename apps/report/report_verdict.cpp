@@ -123,6 +123,12 @@ void add_directions(const Json& result, Remarks& remarks) {
                 ? fmt::format("{} has no effect on the data.", listed(names))
                 : fmt::format("The data do not tell {} apart: only combinations of them are known.", listed(names)));
     }
+    const Json& structural = block_at(identifiability, "structural");
+    for (const Json& direction : block_at(structural, "directions"))
+        remarks.caution(
+            fmt::format("No record can tell: {}. {} was held at its start; the other estimates hold for that "
+                        "value.",
+                        text_at(direction, "text"), text_at(direction, "held")));
     if (directions.empty() && !block_at(result, "parameters").empty())
         remarks.good("The data determine every parameter that was estimated.");
     if (identifiability.value("trust_normal", Json()) == false) {
@@ -147,7 +153,7 @@ void add_parameters(const Json& result, Remarks& remarks) {
                 remarks.caution(
                     fmt::format("{} lies at its {} bound; other uncertainties hold for it held there.", name, bound));
             // Less than half of the information from the data: the prior says more.
-            if (number_at(entry, "data_share") < 0.5) by_prior.push_back(name);
+            if (number_at(entry, "data_share") < 0.5 && !entry.contains("held")) by_prior.push_back(name);
             const double sd = number_at(entry, "sd");
             const double deviates = (number_at(entry, "value") - number_at(entry, "reference")) / sd;
             if (!std::isfinite(deviates)) continue;

@@ -44,8 +44,11 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     return out;
 }
 
-Json parameters_json(const estimator::Estimate& estimate, const std::map<std::string, double>& references) {
+Json parameters_json(const estimator::Estimate& estimate, const std::map<std::string, double>& references,
+                     const identification::StructuralReport& structure) {
     Json out = estimated_list(estimate.parameters, references);
+    for (const estimator::Estimated& x : estimate.parameters)
+        if (const std::string why = structure.why_held(x.name); !why.empty()) out[x.name]["held"] = why;
     for (std::size_t i = 0; i < estimate.parameters.size(); ++i) {
         const auto index = static_cast<Eigen::Index>(i);
         const bool known = index < estimate.hessian_ratio.size();
@@ -130,8 +133,24 @@ Json prediction_json(const Prediction& prediction) {
     return out;
 }
 
-Json identifiability_json(const estimator::Estimate& estimate) {
+Json structural_json(const identification::StructuralReport& structure) {
     Json out;
+    out["examined"] = structure.examined;
+    out["reason"] = json_or_null(structure.reason);
+    out["directions"] = json_list(structure.directions, [](const auto& direction) -> Json {
+        return {{"kind", identification::name(direction.kind)},
+                {"unknowns", direction.unknowns},
+                {"components", direction.components},
+                {"held", direction.held},
+                {"text", direction.text}};
+    });
+    out["signs"] = structure.signs;
+    return out;
+}
+
+Json identifiability_json(const estimator::Estimate& estimate, const identification::StructuralReport& structure) {
+    Json out;
+    out["structural"] = structural_json(structure);
     out["singular_values"] = json_list(estimate.singular_values);
     out["null_directions"] = json_list(estimate.null_directions, [&](const auto& direction) {
         Json named = Json::object();
@@ -215,7 +234,7 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     const std::string lost = lost_records(estimate.counts, context.steady_states);
     out["message"] = estimate.message + (estimate.message.empty() || lost.empty() ? "" : "; ") + lost;
     if (!context.evaluated.empty()) out["model"]["evaluated"] = context.evaluated;
-    out["parameters"] = parameters_json(estimate, context.reference);
+    out["parameters"] = parameters_json(estimate, context.reference, context.structure);
     out["derived"] = estimated_list(estimate.derived, context.reference);
     out["errors"] = Json::object();
     for (const auto& scale : estimate.scales)
@@ -227,7 +246,7 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     const Json names = json_list(estimate.parameters, &estimator::Estimated::name);
     out["correlation"] = {{"names", names}, {"matrix", json_rows(estimate.correlation)}};
     out["covariance"] = {{"names", names}, {"matrix", json_rows(estimate.covariance)}};
-    out["identifiability"] = identifiability_json(estimate);
+    out["identifiability"] = identifiability_json(estimate, context.structure);
     out["residuals"] = counts_json(estimate.counts);
     add_strategy(context.strategy, context.reference, out);
     out["objective"] = estimate.objective;

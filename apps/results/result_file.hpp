@@ -11,6 +11,7 @@
 #include "apps/results/posterior_results.hpp"
 #include "apps/results/strategy_results.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "identification/problem/structural_report.hpp"
 #include "periodic/orbit/orbit.hpp"
 
 namespace orbid::apps {
@@ -72,6 +73,7 @@ struct ResultContext {
     PosteriorResults posterior;
     LogEvidence evidence;
     StrategyResults strategy;
+    identification::StructuralReport structure;
     Fingerprint fingerprint;  ///< left out of the file when its hash is empty
 };
 
@@ -86,10 +88,11 @@ struct ResultContext {
 /// Content of result.json, format orbid-result/1. Undefined numbers are null.
 ///
 /// Beside the keys of the contract: `model` with `evaluated`, where the job writes its equations; per parameter
-/// `laplace_sd`, `data_share`, `hessian_ratio`; per error scale `distribution` and its parameters, `rms`, `lag1`,
-/// `correlation_records`, `effective_count`, `estimated`; `covariance`, `covariances`, `log_evidence`, `stages`,
-/// `matching`, `criticism`, `diagnostics`, `posterior`, `profile`, `marginals`, `optima`, `rounds`, `history`,
-/// `steady_states` (of waveforms). An interval is null as a whole when one of its ends is undefined.
+/// `laplace_sd`, `data_share`, `hessian_ratio`, and `held`, the reason, where no record determines it; per error scale
+/// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
+/// `covariance`, `covariances`, `log_evidence`, `stages`, `matching`, `criticism`, `diagnostics`, `posterior`,
+/// `profile`, `marginals`, `optima`, `rounds`, `history`, `steady_states` (of waveforms). An interval is null as a
+/// whole when one of its ends is undefined.
 [[nodiscard]] std::string result_text(const estimator::Estimate& estimate, const ResultContext& context);
 
 /// A cell of a table in text: quoted when it holds a comma, a quote or a line end (RFC 4180).

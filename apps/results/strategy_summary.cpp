@@ -29,7 +29,10 @@ std::string stages_summary(const StrategyResults& results) {
         if (list.empty()) table.add({name, status, "", "", "", chosen});
         for (const auto& x : list) {
             table.add({name, status, x.name, with_digits_of(x.value, x.sd),
-                       std::isfinite(x.sd) ? significant(x.sd, 2) : "undefined", chosen});
+                       std::isfinite(x.sd)                                     ? significant(x.sd, 2)
+                       : x.interval_method == estimator::IntervalMethod::fixed ? "held"
+                                                                               : "undefined",
+                       chosen});
             name.clear();
             status.clear();
             chosen.clear();

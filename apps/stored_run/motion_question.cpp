@@ -289,7 +289,7 @@ MotionQuestion motion_question(const StoredRun& run, const std::filesystem::path
     read_bands(question, asked, place);
     std::vector<StoredEstimate> free;
     for (const StoredEstimate& one : estimates)
-        if (!held.contains(one.model_name)) free.push_back(one);
+        if (!held.contains(one.model_name) && !one.held) free.push_back(one);
     asked.posterior = stored_posterior(run, asked.job.model, free, asked.draws);
     const std::string status = run.result->value("status", std::string());
     if (status != "converged")

@@ -79,7 +79,8 @@ std::vector<StoredEstimate> stored_estimates(const StoredRun& run, const Json& p
     std::string own;
     std::size_t row = 0;
     for (const auto& [name, entry] : (*run.result)["parameters"].items()) {
-        const StoredEstimate estimate{name.substr(0, name.find('@')), name, row++, detail::stored_value(entry)};
+        const StoredEstimate estimate{name.substr(0, name.find('@')), name, row++, detail::stored_value(entry),
+                                      entry.is_object() && entry.contains("held")};
         // A value at the beginning of a record is no parameter of the model.
         if (!parameters.contains(estimate.model_name) || !std::isfinite(estimate.value)) continue;
         const auto at = name.find('@');

@@ -16,6 +16,7 @@ struct StoredEstimate {
     std::string name;        ///< as the estimate does: k@run1
     std::size_t row = 0;     ///< in the stored covariance
     double value = 0.0;
+    bool held = false;  ///< at its start value: no record determines it
 };
 
 /// The estimates of parameters of the model.

@@ -123,6 +123,16 @@ py::list matching_list(const Identified& one) {
     });
 }
 
+py::dict structure_dict(const Identified& one) {
+    const identification::StructuralReport& structure = one.stages.structure;
+    const py::list directions = listed(structure.directions, [](const identification::UndeterminedDirection& of) {
+        return py::dict("kind"_a = std::string(identification::name(of.kind)), "unknowns"_a = of.unknowns,
+                        "components"_a = of.components, "held"_a = of.held, "text"_a = of.text);
+    });
+    return py::dict("examined"_a = structure.examined, "reason"_a = structure.reason, "directions"_a = directions,
+                    "signs"_a = structure.signs);
+}
+
 }  // namespace
 
 /// The Python side (orbid/identification.py) makes Series of arrays and columns.
@@ -133,7 +143,10 @@ void bind_identification(py::module_& module) {
         .def_property_readonly(
             "cycles", [](const Identified& one) { return one.stages.cycles; },
             "all measured cycles, those of a harvest included")
-        .def_property_readonly("matching", &matching_list, "defects at the nodes of each series, as dicts");
+        .def_property_readonly("matching", &matching_list, "defects at the nodes of each series, as dicts")
+        .def_property_readonly("structure", &structure_dict,
+                               "what the readings of series can determine, found before the fit: \"directions\" that "
+                               "they cannot, \"signs\" that are a matter of choice");
     module.def("identify", &identify, py::arg("system"), py::arg("records"), py::arg("parameters"));
 }
 

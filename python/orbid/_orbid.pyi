@@ -295,6 +295,7 @@ class Identification(Estimate):
     stages: Final[Rows]
     cycles: Final[List["Cycle"]]
     matching: Final[Rows]
+    structure: Final[Dict[str, Any]]
 
 def identify(system: System, records: Sequence[Keys], parameters: Values, **options: Any) -> Identification: ...
 

@@ -72,8 +72,8 @@ def identify(model: System, records: Union[Record, Sequence[Union[Record, Mappin
     joint_priors, variance, scan, seed (1), step_tolerance (1e-3), starts (1), start_seed.
     progress        called as progress(step, share, note), share in [0, 1] or None.
 
-    The result is an Estimate with .stages, .cycles and .matching; the same job gives the same bytes. Ctrl-C: the best
-    estimate so far, status "interrupted". ValueError, TypeError and KeyError name what is wrong.
+    The result is an Estimate with .stages, .cycles, .matching and .structure; the same job gives the same bytes.
+    Ctrl-C: the best estimate so far, status "interrupted". ValueError, TypeError and KeyError name what is wrong.
     """
     several = [records] if isinstance(records, (Series, Mapping)) else list(records)
     experiments: List[Dict[str, Any]] = []

@@ -90,6 +90,23 @@ def test_bounds_and_initial_values_are_those_of_the_job(swing):
     assert [one.value for one in run.parameters.values()] == [one.value for one in ours.parameters.values()]
 
 
+def test_what_no_record_determines_is_told_and_held(swing):
+    structure = identified(swing).structure
+    assert structure["examined"] and structure["reason"] == "" and structure["directions"] == []
+    # x'' = -a b x: neither a nor b, and y in a unit of its own.
+    oscillator = orbid.equations({"equations": {"x": "a * y", "y": "-b * x"}, "parameters": {"a": 1.4, "b": 2.1}})
+    t = np.arange(200) * 0.05
+    record = {"t": t, "x": np.cos(np.sqrt(3.0) * t) + np.random.default_rng(2).normal(0.0, 1e-3, t.size)}
+    result = orbid.identify(oscillator, record, {"a": 1.4, "b": 2.1}, residuals=[{"type": "series"}])
+    assert result.status == "converged"
+    direction, = result.structure["directions"]
+    assert (direction["kind"], direction["unknowns"], direction["held"]) == ("scaling", ["y", "a", "b"], "b")
+    assert direction["components"] == [1.0, -1.0, 1.0]
+    a, b = result.parameters["a"], result.parameters["b"]
+    assert b.value == 2.1 and np.isnan(b.sd)
+    assert abs(a.value * b.value - 3.0) < 4.0 * a.sd * b.value
+
+
 def test_a_series_gives_the_same_as_its_columns(swing):
     pendulum, known, record = swing
     phi = next(one for one in pendulum.coordinates if one.name == "phi")

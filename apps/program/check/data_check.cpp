@@ -13,19 +13,24 @@
 #include "apps/stages/recorded_series.hpp"
 #include "apps/stages/searched_section.hpp"
 #include "identification/problem/problem_residuals.hpp"
+#include "identification/structure/structural_check.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
-/// What an estimate asks of records that are all there: segments by name, readings enough.
-void check_estimate(const Job& job, const std::vector<Experiment>& data) {
+/// What an estimate asks of records that are all there: segments by name, readings that can determine the unknowns.
+/// @return what they cannot determine, a line each
+std::vector<std::string> check_estimate(const Job& job, const std::vector<Experiment>& data) {
     const auto problem = identification_problem(job, data);
     auto setup = estimate_setup(problem, fitted_labels(problem));
     identification::ProblemResiduals residuals;
     add_series(problem, setup, residuals);
+    const identification::StructuralReport structure = structural_report(problem, setup);
+    hold(structure, setup.parameters);
     check_enough_readings(problem, setup, residuals);
+    return remarks(structure);
 }
 
 }  // namespace
@@ -64,7 +69,7 @@ DataCheck check_data(const Job& job) {
     }
     const bool all_read =
         std::all_of(check.records.begin(), check.records.end(), [](const auto& record) { return record.has_value(); });
-    if (all_read && check.problems.empty() && job.estimate) attempt([&] { check_estimate(job, data); });
+    if (all_read && check.problems.empty() && job.estimate) attempt([&] { check.remarks = check_estimate(job, data); });
     check.experiments = std::move(data);
     return check;
 }

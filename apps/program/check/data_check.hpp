@@ -22,10 +22,11 @@ struct DataCheck {
     std::optional<std::size_t> cycles;    ///< of the file named by "orbits"
     /// Messages with file and, in tables, line and column: what `orbid run` would end with. Each file has its own.
     std::vector<std::string> problems;
+    std::vector<std::string> remarks;  ///< what the readings of the estimate cannot determine
 };
 
 /// Reads every file that the job names as a run would, and checks whether they give the series of the estimate:
-/// columns, rows, times, requested segments, enough readings. Nothing is computed.
+/// columns, rows, times, requested segments, enough readings, and what these can determine. Nothing is estimated.
 [[nodiscard]] DataCheck check_data(const Job& job);
 
 }  // namespace orbid::apps

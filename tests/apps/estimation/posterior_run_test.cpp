@@ -225,17 +225,16 @@ TEST_CASE("several starts, a profile and a sample stand in the result", "[apps][
 TEST_CASE("a posterior that does not exist is refused by name, the estimate stays", "[apps][run]") {
     const TemporaryFolder folder;
     json job = population_job();
-    // alpha is not bounded by anything where no reading of u and v is used but the first two years.
-    job["estimate"]["parameters"] = {{"alpha", {{"start", 0.5}}}, {"beta", {{"start", 0.03}}}};
+    job["estimate"]["parameters"] = {{"alpha", {{"start", 0.5}}}, {"delta", {{"start", 0.026}}}};
     job["data"]["initial_state"] = {{"u", {{"value", 30}}}, {"v", {{"value", 0}}}};
     job["data"]["observe"] = {"u"};
     job["estimate"]["posterior"]["sample"] = 10;
     const Run done = run(folder, job, "t,u,v,su\n0,30,0,1\n1,52,0,1\n2,90,0,1\n3,156,0,1\n");
     CAPTURE(done.outcome.error, done.outcome.out);
-    // Without lynx nothing says what a lynx eats.
+    // Other records of u would tell: without lynx nothing says what a lynx makes of a hare.
     CHECK(done.outcome.code == 1);
     CHECK(done.result["posterior"]["status"] == "refused");
-    CHECK_THAT(done.result["posterior"]["message"].get<std::string>(), ContainsSubstring("beta"));
+    CHECK_THAT(done.result["posterior"]["message"].get<std::string>(), ContainsSubstring("delta"));
     CHECK_THAT(done.outcome.error, ContainsSubstring("posterior: "));
 }
 

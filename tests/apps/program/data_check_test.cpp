@@ -157,4 +157,66 @@ TEST_CASE("every example job is checked with its data", "[apps][command]") {
     CHECK(jobs >= 18);
 }
 
+TEST_CASE("what no record determines is told by check and by the run, and held", "[apps][command][structure]") {
+    const TemporaryFolder folder;
+    // x'' = -3 x, slightly damped, with errors of 1e-3.
+    std::string rows = "t,x\n";
+    for (int i = 0; i < 200; ++i)
+        rows +=
+            std::to_string(0.05 * i) + "," +
+            std::to_string(std::exp(-0.0025 * i) * std::cos(std::sqrt(3.0) * 0.05 * i) + 1e-3 * std::sin(9.1 * i * i)) +
+            "\n";
+    write_text(folder.path() / "x.csv", rows);
+    json job = json::parse(R"({
+      "model": { "equations": { "x": "a * y", "y": "-b * x - d * y" }, "parameters": { "a": 1.2, "b": 1.8, "d": 0.12 } },
+      "data": { "name": "run", "kind": "samples", "columns": { "time": "t", "x": "x" } },
+      "estimate": { "parameters": { "a": {}, "b": {}, "d": {} },
+                    "residuals": [ { "type": "series", "interval": "segment" } ],
+                    "profile": ["a", "b"], "posterior": { "sample": { "draws": 50, "chains": 2 } } } })");
+    job["data"]["file"] = folder.path() / "x.csv";
+    const Path file = write_job(folder.path() / "job.json", job);
+    const std::string words = "y, a and b can be scaled together: (y, a, b) -> (c y, a / c, c b) changes no reading";
+    const Outcome check = orbid_with({"check", file});
+    CHECK(check.code == 0);
+    CHECK_THAT(check.out, ContainsSubstring("note       " + words + ": b is held at its start"));
+
+    const Path out = folder.path() / "out";
+    const Outcome run = orbid_with({"run", file, "--out", out, "--threads", "2"});
+    CAPTURE(run.error);
+    REQUIRE(run.code == 0);
+    CHECK_THAT(run.error, ContainsSubstring(words));
+    const json result = read_json(out / "result.json");
+    CHECK(result["status"] == "converged");
+    CHECK_THAT(result["message"].get<std::string>(), ContainsSubstring("b was held at its start: " + words));
+    const json& b = result["parameters"]["b"];
+    CHECK(b["value"] == 1.8);
+    CHECK(b["sd"].is_null());
+    CHECK(b["interval95"].is_null());
+    CHECK(b["interval_method"] == "fixed");
+    CHECK(b["held"] == words);
+    CHECK_FALSE(result["parameters"]["a"].contains("held"));
+    CHECK_THAT(result["parameters"]["a"]["value"].get<double>(), WithinRel(3.0 / 1.8, 0.01));
+    const json& structural = result["identifiability"]["structural"];
+    CHECK(structural["examined"] == true);
+    REQUIRE(structural["directions"].size() == 1);
+    CHECK(structural["directions"][0]["kind"] == "scaling");
+    CHECK(structural["directions"][0]["unknowns"] == json({"y", "a", "b"}));
+    CHECK(structural["directions"][0]["components"] == json({1.0, -1.0, 1.0}));
+    CHECK(structural["directions"][0]["held"] == "b");
+    // Nothing is drawn or profiled of what is held.
+    CHECK(result["profile"].contains("a"));
+    CHECK_FALSE(result["profile"].contains("b"));
+    CHECK_THAT(content(out).at("posterior.csv"), ContainsSubstring("chain,draw,a,d,"));
+    CHECK_THAT(content(out).at("report.html"), ContainsSubstring("Determined by no record"));
+
+    job["model"]["equations"]["w"] = "x - w";
+    const Path uncoupled = write_job(folder.path() / "uncoupled.json", job);
+    const Outcome refused = orbid_with({"check", uncoupled});
+    CHECK(refused.code == 3);
+    CHECK_THAT(refused.error, ContainsSubstring("run: no record determines where w begins"));
+    const Outcome not_run = orbid_with({"run", uncoupled, "--out", folder.path() / "other", "--quiet"});
+    CHECK(not_run.code == 3);
+    CHECK(not_run.error == refused.error);
+}
+
 }  // namespace data_check_test
