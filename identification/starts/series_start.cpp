@@ -121,20 +121,24 @@ bool explains(const IdentificationProblem& problem, std::size_t place, const orb
     return true;
 }
 
-/// Sum over all groups of ln(rms) of their records, links no better than exact matching can be: what their likelihood
-/// says where every sd is estimated.
+/// What readings miss and what links miss in a sampling interval, each as the mean of ln(rms) in units of the ranges.
+/// Links are no better than exact matching can be.
 double misfit_of(const ProblemResiduals& residuals, const estimator::Estimate& estimate) {
     double sum = 0.0;
     for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
         const orbits::ShootingResidual& one = *residuals.shooting[i];
-        const double noise = one.noise(estimate.active[i]);
-        const std::size_t links = one.groups().size() - static_cast<std::size_t>(one.range().size());
+        const double least = orbits::sampled_tightness * one.noise(estimate.active[i]);
+        const double intervals = std::sqrt(static_cast<double>(one.interval()));
+        const auto links = static_cast<std::size_t>(one.range().size());
+        const std::size_t readings = one.groups().size() - links;
         for (std::size_t g = 0; g < one.groups().size(); ++g) {
             const auto* scale = scale_of(estimate, one.groups()[g].name);
             if (scale == nullptr) continue;
-            const double size = g < links ? one.reading_range(g) : one.range()[static_cast<Eigen::Index>(g - links)];
-            const double least = g < links ? 0.0 : orbits::sampled_tightness * noise;
-            sum += static_cast<double>(scale->count) * std::log(std::max(scale->rms / size, least));
+            const bool link = g >= readings;
+            const double size = link ? one.range()[static_cast<Eigen::Index>(g - readings)] : one.reading_range(g);
+            const double rms = scale->rms / size;
+            sum += std::log(link ? std::max(rms / intervals, least) : rms) /
+                   static_cast<double>(link ? links : readings);
         }
     }
     return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
@@ -158,14 +162,17 @@ double interval_of_turns(const Experiment& data, double turns) {
     return std::max(1.0, std::round(turns * shortest));
 }
 
-bool is_hidden(const IdentificationProblem& problem, const Experiment& data) {
-    return orbits::needs_tracking(*problem.system, *data.series, data.sensor) ||
-           std::ssize(data.observe) < problem.system->dimension();
-}
-
 bool anything_hidden(const IdentificationProblem& problem) {
     return std::any_of(problem.series->data.begin(), problem.series->data.end(), [&](std::size_t experiment) {
-        return is_hidden(problem, problem.experiments[experiment]);
+        return std::ssize(problem.experiments[experiment].observe) < problem.system->dimension();
+    });
+}
+
+/// Whether readings tell no states without the model.
+bool anything_followed(const IdentificationProblem& problem) {
+    return std::any_of(problem.series->data.begin(), problem.series->data.end(), [&](std::size_t experiment) {
+        const Experiment& data = problem.experiments[experiment];
+        return orbits::needs_tracking(*problem.system, *data.series, data.sensor);
     });
 }
 
@@ -399,7 +406,7 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
         iterations += one.estimate.iterations;
         evaluations += one.estimate.evaluations;
         if (search.log)
-            search.log(fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.6g}{}", made, attempt.name,
+            search.log(fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.4g}{}", made, attempt.name,
                                    estimator::name(one.estimate.status), one.estimate.iterations, one.misfit,
                                    one.start.follows ? ": explains the readings" : ""));
         if (best && !one.start.follows && !(one.misfit < best->misfit)) continue;
@@ -409,7 +416,7 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     }
     if (!best && refused) throw *refused;
     SeriesStart start;
-    if (best && (best->start.follows || (anything_hidden(problem) && std::isfinite(best->misfit)))) start = best->start;
+    if (best && (best->start.follows || (anything_followed(problem) && std::isfinite(best->misfit)))) start = best->start;
     if (start.theta.size() == 0) start.theta = starts(parameters);
     start.attempts = made;
     start.iterations = iterations;

@@ -58,8 +58,8 @@ struct SeriesSearch {
 ///
 /// An attempt has succeeded when it converges and its residuals are those of the readings alone: as small as readings
 /// scatter about a smooth course, see orbits::reading_noise(), and uncorrelated in time. Its nodes and parameters are
-/// the start then, and matching stays exact. Otherwise the best attempt is the start where something is not read, and
-/// the problem's own where everything is.
+/// the start then, and matching stays exact. Otherwise the start is the best attempt where readings tell no states
+/// without the model, and the problem's own where they do.
 ///
 /// @param parameters  with their starts.
 /// @throws orbits::DataError when no attempt can begin.
