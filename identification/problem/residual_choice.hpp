@@ -46,7 +46,7 @@ struct SeriesChoice {
 struct WaveformChoice {
     struct Experiment {
         int period = 1;     ///< in periods of the forcing
-        double time = 0.0;  ///< autonomous: a guess of T [s]
+        double time = 0.0;  ///< autonomous: a guess of T [s]; 0: told from the record
         periodic::WaveformUnknown phase{true, 0.0};
         std::vector<periodic::WaveformUnknown> offsets;  ///< one per entry of `errors`
         Eigen::MatrixXd start;                           ///< shape (n, period): states at phase 0; empty: found

@@ -41,8 +41,8 @@ void begin_at(const Eigen::VectorXd& theta, Parameters& parameters) {
 /// Makes the waveform residual anew, with its solutions at `start`.
 void make_waveform(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
     input.observer.within("steady states at the start");
-    for (const std::string& lost : add_waveform(input.problem, input.setup, start, residuals.waveform))
-        input.observer.remark(lost);
+    for (const std::string& line : add_waveform(input.problem, input.setup, start, residuals.waveform, input.followed))
+        input.observer.remark(line);
 }
 
 void make_branch(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
@@ -76,7 +76,7 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
         if (problem.series->interval) add_shooting(problem, input.setup, starts(parameters), input.nodes, residuals);
     }
     if (stage.uses(ResidualType::waveform)) {
-        if (starts(parameters) == input.setup.start()) {
+        if (starts(parameters) == input.setup.start() && input.prepared.waveform.residual) {
             residuals.waveform.residual =
                 std::make_unique<periodic::WaveformResidual>(*input.prepared.waveform.residual);
             residuals.waveform.places = input.prepared.waveform.places;
@@ -219,6 +219,38 @@ bool StageRun::is_evaluated() const {
 
 bool StageRun::skipped() const {
     return !result.status;
+}
+
+std::vector<FollowedStates> followed_states(const StageRun& run) {
+    std::vector<FollowedStates> all;
+    if (!run.usable() || !run.is_evaluated()) return all;
+    const auto list = run.residuals.all();
+    for (std::size_t r = 0; r < list.size(); ++r) {
+        const auto shooting = std::find_if(run.residuals.shooting.begin(), run.residuals.shooting.end(),
+                                           [&](const auto& one) { return one.get() == list[r]; });
+        if (shooting == run.residuals.shooting.end()) continue;
+        const std::size_t experiment =
+            run.residuals.shooting_experiments[static_cast<std::size_t>(shooting - run.residuals.shooting.begin())];
+        const auto& nodes = (*shooting)->plan().nodes;
+        const auto& latents = run.estimate.latents[r];
+        for (std::size_t first = 0; first < nodes.size();) {
+            std::size_t end = first;
+            while (end < nodes.size() && nodes[end].segment == nodes[first].segment)
+                ++end;
+            FollowedStates& own = all.emplace_back();
+            own.experiment = experiment;
+            own.segment = nodes[first].segment;
+            own.times.resize(static_cast<Eigen::Index>(end - first));
+            own.states.resize(latents[first].size(), own.times.size());
+            const Eigen::VectorXd& times = (*shooting)->series().segments[own.segment].times;
+            for (std::size_t b = first; b < end; ++b) {
+                own.times[static_cast<Eigen::Index>(b - first)] = times[nodes[b].sample];
+                own.states.col(static_cast<Eigen::Index>(b - first)) = latents[b];
+            }
+            first = end;
+        }
+    }
+    return all;
 }
 
 const models::ParameterBinding& searched_binding(const IdentificationProblem& problem, const EstimateSetup& setup) {

@@ -104,11 +104,12 @@ void read_time(const ValueReader& value, const Job& job, Waveform& waveform) {
             fmt::format("the model {} is forced: its orbits last \"period\" periods of the forcing", job.model.name));
         return;
     }
-    const auto found = read_per_experiment(value, job, waveform.data, [&](const ValueReader& one, std::size_t i) {
-        waveform.experiments[i].time = one.number().value_or(1.0);
+    (void)read_per_experiment(value, job, waveform.data, [&](const ValueReader& one, std::size_t i) {
+        if (one.is(JsonValue::Kind::string))
+            (void)one.choice({"auto"});
+        else
+            waveform.experiments[i].time = one.number().value_or(1.0);
     });
-    for (std::size_t i = 0; i < found.size(); ++i)
-        if (!found[i]) value.report(fmt::format("\"{}\" has no guess of its period", job.data[waveform.data[i]].name));
 }
 
 void read_phase(const ValueReader& phase, const Job& job, Waveform& waveform) {
@@ -222,10 +223,16 @@ const FieldTable<Waveform>& waveform_fields() {
                  if (at.job.model.is(models::Kind::autonomous)) return left_out();
                  return per_experiment_document(waveform, at, [](const Experiment& one) -> Json { return one.period; });
              }},
-            {key("time", per_experiment(above(0.0)), "Autonomous models: a guess of the period.").in("s"), read_time,
+            {key("time", per_experiment(above(0.0) | choice({"auto"})),
+                 "Autonomous models: a guess of the period; \"auto\": told from the record.")
+                 .in("s")
+                 .by_default("auto"),
+             read_time,
              [](const Waveform& waveform, const Writing& at) {
                  if (!at.job.model.is(models::Kind::autonomous)) return left_out();
-                 return per_experiment_document(waveform, at, [](const Experiment& one) -> Json { return one.time; });
+                 return per_experiment_document(waveform, at, [](const Experiment& one) -> Json {
+                     return one.time > 0.0 ? Json(one.time) : Json("auto");
+                 });
              }},
             {key("phase", per_experiment(number() | choice({"estimate"})),
                  "Of the forcing at the time 0 of the record.")
@@ -271,11 +278,6 @@ void prepare_waveform(ObjectReader& object, const Job& job, Waveform& waveform) 
 }
 
 void complete_waveform(ObjectReader& object, const Job& job, bool, Waveform& waveform) {
-    if (job.model.is(models::Kind::autonomous) && !object.find("time"))
-        object.self().report(
-            fmt::format("needs \"time\": a guess of the period in s; the model {} is autonomous and "
-                        "nothing else tells it",
-                        job.model.name));
     ErrorUse use;
     use.records = ErrorUse::Records::series;
     use.data = waveform.data;
