@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "estimator/interface/not_finite.hpp"
+#include "identification/problem/cycle_orbits.hpp"
 #include "models/definition/parameter.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/sections/record_period.hpp"
@@ -61,7 +62,8 @@ periodic::WaveformOptions waveform_options(const WaveformChoice& asked, const Ei
     std::vector<Index> coordinates;
     for (const RecordErrors& error : asked.errors) {
         options.channels.push_back(
-            {error.coordinate, error.scale, error.distribution, error.floor, !error.sd_column.empty()});
+            {error.coordinate, error.scale, error.distribution, error.floor,
+             asked.of_cycles || !error.sd_column.empty()});
         coordinates.push_back(error.coordinate);
     }
     options.covariances = joint_covariances(asked.covariances, coordinates);
@@ -161,6 +163,48 @@ periodic::WaveformRecord waveform_record(const IdentificationProblem& problem, c
     return record;
 }
 
+/// A record per cycle that the model has an orbit for. @return a line per cycle without one
+std::vector<std::string> add_cycles(const IdentificationProblem& problem, const EstimateSetup& setup,
+                                    const Eigen::VectorXd& start, ProblemWaveform& waveform,
+                                    std::vector<periodic::WaveformRecord>& records) {
+    const WaveformChoice& asked = *problem.waveform;
+    const std::size_t experiment = asked.data.front();
+    const Experiment& data = problem.experiments[experiment];
+    std::vector<Index> coordinates;
+    for (const RecordErrors& error : asked.errors)
+        coordinates.push_back(error.coordinate);
+    if (asked.cycles.empty())
+        throw orbits::DataError(fmt::format("{}: there is no cycle to compare the model with", data.name));
+    const auto pairs = paired_orbits(*problem.system, setup.experiments[experiment].values(start), asked.cycles,
+                                     coordinates, data.sensor);
+    std::vector<std::string> said;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+        const orbits::CycleWaveform& cycle = asked.cycles[i];
+        const std::string label = fmt::format("cycle {} (period {})", cycle.cycle, cycle.period);
+        if (!pairs[i]) {
+            said.push_back(fmt::format("{}: {} is not used: the model has no orbit like it at the start", data.name, label));
+            continue;
+        }
+        periodic::WaveformRecord record;
+        record.label = label;
+        record.binding = setup.experiments[experiment];
+        record.sensor = data.sensor;
+        record.times = cycle.times;
+        record.values = cycle.values;
+        record.deviations = cycle.deviations;
+        record.time = pairs[i]->time;
+        record.start = pairs[i]->start;
+        records.push_back(std::move(record));
+        waveform.places.push_back({experiment, 0});
+    }
+    if (records.empty())
+        throw orbits::DataError(
+            fmt::format("{}: the model has no orbit like any of the {} cycles at the start: start the parameters nearer, "
+                        "or search for cycles of other periods",
+                        data.name, asked.cycles.size()));
+    return said;
+}
+
 }  // namespace
 
 std::vector<std::string> add_waveform(const IdentificationProblem& problem, const EstimateSetup& setup,
@@ -171,7 +215,8 @@ std::vector<std::string> add_waveform(const IdentificationProblem& problem, cons
     waveform.places.clear();
     std::vector<periodic::WaveformRecord> records;
     std::vector<std::string> said;
-    for (std::size_t i = 0; i < asked.data.size(); ++i) {
+    if (asked.of_cycles) said = add_cycles(problem, setup, start, waveform, records);
+    for (std::size_t i = 0; i < asked.data.size() && !asked.of_cycles; ++i) {
         const std::size_t experiment = asked.data[i];
         const Experiment& data = problem.experiments[experiment];
         WaveformChoice::Experiment own = asked.experiments[i];

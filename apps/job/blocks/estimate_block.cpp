@@ -43,7 +43,7 @@ Field<EstimateJob> derived_field() {
 
 /// Whether a period is to be told from a record, so that nothing is known of the motion but its readings.
 bool begins_at_records(const Job& job, const WaveformResidualJob& waveform) {
-    return job.model.is(models::Kind::autonomous) &&
+    return job.model.is(models::Kind::autonomous) && !waveform.of_cycles &&
            std::any_of(
                waveform.experiments.begin(), waveform.experiments.end(),
                [](const WaveformResidualJob::Experiment& one) { return one.time == 0.0 && one.start.size() == 0; });

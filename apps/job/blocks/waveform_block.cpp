@@ -216,6 +216,11 @@ const FieldTable<Waveform>& waveform_fields() {
     static const FieldTable<Waveform> table = [] {
         FieldTable<Waveform> fields{
             experiments_field<Waveform>().with_rule(use_samples),
+            word_field(key("of", {},
+                           "Autonomous models: the records themselves, or the cycles that \"orbits\" finds in one, whose "
+                           "errors are factors on those of the analysis."),
+                       {{false, "records"}, {true, "cycles"}}, &Waveform::of_cycles)
+                .written_if([](const Waveform& waveform) { return waveform.of_cycles; }),
             {key("period", per_experiment(whole(1, longest_period)), "Forced models: in periods of the forcing.")
                  .by_default(1),
              read_waveform_period,
@@ -277,7 +282,35 @@ void prepare_waveform(ObjectReader& object, const Job& job, Waveform& waveform) 
     if (waveform.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
 }
 
+namespace {
+
+/// What waveforms of cycles need, and what they have no use for.
+void check_cycles(ObjectReader& object, const Job& job, Waveform& waveform) {
+    const auto of = object.find("of");
+    if (job.model.system && !job.model.is(models::Kind::autonomous))
+        of->report(fmt::format("must be \"records\": the model {} is {}, whose cycles a residual of type cycles compares",
+                               job.model.name, job.model.is(models::Kind::map) ? "a map" : "forced"));
+    for (const char* name : {"period", "time", "phase", "offset", "start"})
+        if (const auto value = object.find(name))
+            value->report("belongs to records: a cycle begins and lasts as the search tells");
+    if (!job.orbits || job.orbits->file) {
+        of->report("needs \"orbits\": { ... }, a search for cycles in a record of samples");
+        return;
+    }
+    if (job.data[job.orbits->data].sampling() != Sampling::samples)
+        of->report(fmt::format("needs samples in time, but \"{}\" holds sections", job.data[job.orbits->data].name));
+    waveform.data = {job.orbits->data};
+    waveform.experiments.assign(1, {});
+    for (const Eigen::Index coordinate : job.data[job.orbits->data].observe)
+        if (job.model.coordinate(coordinate).angle)
+            of->report_later(fmt::format("the waveform of {}, which is an angle, along a cycle",
+                                         job.model.coordinate(coordinate).name));
+}
+
+}  // namespace
+
 void complete_waveform(ObjectReader& object, const Job& job, bool, Waveform& waveform) {
+    if (waveform.of_cycles) check_cycles(object, job, waveform);
     ErrorUse use;
     use.records = ErrorUse::Records::series;
     use.data = waveform.data;
