@@ -9,6 +9,7 @@
 #include "apps/job/orbits_job.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/results/invariants_file.hpp"
+#include "apps/stages/short_record.hpp"
 #include "apps/stages/workspace.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -118,9 +119,13 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         std::string_view reason = error.what();
         constexpr std::string_view caller = "find_cycles: ";
         if (reason.starts_with(caller)) reason.remove_prefix(caller.size());
-        throw orbits::DataError(
-            fmt::format("{}: cannot be searched for cycles: {}", work.job.data[orbits.data].name, reason));
+        throw orbits::DataError(fmt::format("{}: cannot be searched for cycles: {}. {}",
+                                            work.job.data[orbits.data].name, reason,
+                                            fmt::join(without_cycles(work.job, *section), " ")));
     }
+    if (search.cycles.empty())
+        for (std::string& line : without_cycles(work.job, *section))
+            search.remarks.push_back(std::move(line));
     search.remarks.insert(search.remarks.begin(), section->choices.begin(), section->choices.end());
     work.folder.store("cycles.json", cycles_text({cycle_file_head(work.job, *section, wanted), search}));
     work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));

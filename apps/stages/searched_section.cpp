@@ -9,6 +9,7 @@
 
 #include "apps/job/data_job.hpp"
 #include "apps/job/orbits_job.hpp"
+#include "apps/stages/short_record.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/sections/delay_embedding.hpp"
 #include "orbits/sections/plane_choice.hpp"
@@ -63,7 +64,12 @@ orbits::Series embedded_samples(const Job& job, const orbits::Series& record, Se
     options.rise = true;
     // Reading errors make neighbours false in any dimension: the model's own is enough for its section.
     options.largest_dimension = static_cast<int>(job.model.system->dimension());
-    orbits::DelayEmbedding embedding = orbits::embed(record, options);
+    orbits::DelayEmbedding embedding;
+    try {
+        embedding = orbits::embed(record, options);
+    } catch (const orbits::DataError& error) {
+        throw orbits::DataError(fmt::format("{} cannot be embedded: {}", name, error.what()));
+    }
     std::string text = fmt::format("states are vectors of {} readings of {}, {} samples apart", embedding.dimension,
                                    name, embedding.delay);
     if (options.delay == 0)
@@ -96,13 +102,12 @@ orbits::PlaneCrossing plane_of(const Job& job, const orbits::Series& samples, Se
         const orbits::ChosenPlane chosen = orbits::choose_plane(shown, zero);
         crossing = chosen.crossing;
         section.choices.push_back(fmt::format(
-            "the section is {} = {:.6g}, {}: of the medians it has the most even returns, {} of {:.3g} s, sd {:.2g} %",
-            samples.coordinate(crossing.coordinate).name, crossing.value,
-            crossing.direction > 0 ? "rising" : "falling", chosen.crossings, chosen.mean_return,
-            100.0 * chosen.unevenness));
+            "the section is {} = {:.6g}, {}: of the planes tried it has the most even returns, {} of {:.3g} s, sd "
+            "{:.2g} %",
+            samples.coordinate(crossing.coordinate).name, crossing.value, crossing.direction > 0 ? "rising" : "falling",
+            chosen.crossings, chosen.mean_return, 100.0 * chosen.unevenness));
     }
-    section.plane =
-        SectionPlane{samples.coordinate(crossing.coordinate).name, crossing.value, crossing.direction};
+    section.plane = SectionPlane{samples.coordinate(crossing.coordinate).name, crossing.value, crossing.direction};
     return crossing;
 }
 
@@ -134,7 +139,8 @@ void cut_samples(const Job& job, const std::function<bool()>& interrupted, Searc
             section.remark = cutting_remark(cut, *section.record);
         }
     } catch (const orbits::DataError& error) {
-        throw orbits::DataError(fmt::format("{}: no section can be made of its samples: {}", data.name, error.what()));
+        throw orbits::DataError(fmt::format("{}: no section can be made of its samples: {}. {}", data.name,
+                                            error.what(), without_section(*section.record)));
     }
     if (!cut.windows.empty()) section.options.reading_covariance = cut.reading_covariance;
     section.cut = std::move(cut.series);

@@ -24,11 +24,13 @@ using Eigen::Index;
 /// Places per orbit at which waveforms are compared.
 constexpr Index shares_of_time = 256;
 constexpr double largest_misfit = 0.1;
+/// Of a stretch: the orbit may be far from the motion, which need not be chaotic at the start of the parameters.
+constexpr double largest_coarse_misfit = 1.0;
 /// T of the model's orbits over that of the cycles.
 constexpr std::array<double, 9> stretches{1.0, 0.96, 1.04, 0.92, 1.08, 0.86, 1.14, 0.8, 1.22};
 constexpr double largest_ratio = 1.35;
 /// Stretches of the model's motion from which the orbit of a cycle is solved, and places at which they are compared.
-constexpr std::size_t tried = 8;
+constexpr std::size_t tried = 12;
 constexpr Index coarse_places = 64;
 /// Of the model's own motion: samples per T of the shortest cycle, their number, and those before the first.
 constexpr double samples_per_time = 64.0;
@@ -130,7 +132,8 @@ double misfit_of(const Eigen::MatrixXd& measured, const Eigen::MatrixXd& compute
     for (Index shift = 0; shift < shares_of_time; ++shift) {
         double sum = 0.0;
         for (Index k = 0; k < shares_of_time; ++k)
-            sum += ((measured.col(k) - computed.col((k + shift) % shares_of_time)).array().square() / variance.array()).sum();
+            sum += ((measured.col(k) - computed.col((k + shift) % shares_of_time)).array().square() / variance.array())
+                       .sum();
         least = std::min(least, sum);
     }
     return least / static_cast<double>(shares_of_time * measured.rows());
@@ -168,7 +171,7 @@ std::vector<Stretch> nearest_stretches(const Motion& motion, const orbits::Cycle
             offsets[static_cast<std::size_t>(k)] =
                 std::lround(time * static_cast<double>(k) / static_cast<double>(coarse_places) / step);
         for (Index i = 0; i + std::lround(time / step) < motion.times.size(); ++i) {
-            constexpr double limit = 4.0 * largest_misfit * static_cast<double>(coarse_places);
+            constexpr double limit = largest_coarse_misfit * static_cast<double>(coarse_places);
             double sum = 0.0;
             for (Index k = 0; k < coarse_places && sum <= limit; ++k)
                 sum += ((motion.readings.col(i + offsets[static_cast<std::size_t>(k)]) - measured.col(k * stride))
@@ -185,7 +188,10 @@ std::vector<Stretch> nearest_stretches(const Motion& motion, const orbits::Cycle
     std::vector<Stretch> apart;
     for (const Stretch& one : found) {
         const bool near = std::any_of(apart.begin(), apart.end(), [&](const Stretch& other) {
-            return static_cast<double>(std::abs(one.first - other.first)) * step < 0.25 * waveform.time;
+            // Periodic motion passes the same stretch again and again.
+            constexpr double same_misfit = 0.02;
+            return static_cast<double>(std::abs(one.first - other.first)) * step < 0.25 * waveform.time ||
+                   one.misfit - other.misfit < same_misfit * other.misfit;
         });
         if (!near) apart.push_back(one);
         if (apart.size() == tried) break;
@@ -196,14 +202,17 @@ std::vector<Stretch> nearest_stretches(const Motion& motion, const orbits::Cycle
 /// Where a stretch crosses the plane; its beginning and T where it does not.
 periodic::StartingSolution start_from(const models::System& system, const Eigen::VectorXd& theta, const Motion& motion,
                                       const Stretch& stretch) {
-    constexpr std::size_t most_points = 64;
+    constexpr std::size_t most_points = 32;
     periodic::StartingSolution start;
     start.time = stretch.time;
-    const auto crossings = system.crossings(motion.states.col(stretch.first), motion.plane, most_points, stretch.time,
-                                            theta, std::nullopt, coarse_flow);
+    const auto crossings = system.crossings(motion.states.col(stretch.first), motion.plane, most_points,
+                                            2.0 * stretch.time, theta, std::nullopt, coarse_flow);
+    // The crossing that is nearest to one T after the first closes the orbit; it is not a point of its own.
     Index count = 0;
-    while (count < crossings.states.cols() && crossings.times(count) <= stretch.time)
-        ++count;
+    for (Index k = 1; k < crossings.states.cols(); ++k) {
+        const auto off = [&](Index one) { return std::abs(crossings.times(one) - crossings.times(0) - stretch.time); };
+        if (count == 0 || off(k) < off(count)) count = k;
+    }
     if (count == 0) {
         start.points = motion.states.col(stretch.first);
     } else {

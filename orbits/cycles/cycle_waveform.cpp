@@ -26,6 +26,8 @@ constexpr std::array<std::size_t, 4> passage_counts{3, 6, 12, 24};
 constexpr double beyond_farthest = 1.05;
 /// Sds never fall below this share of the range.
 constexpr double rounding_share = 1e-9;
+/// No reading counts as better known than this share of the waveform's typical sd: errors of the map are common to all.
+constexpr double least_share = 0.2;
 /// Samples among which the windows of smoothing are chosen.
 constexpr Index most_marks = 2000;
 
@@ -94,6 +96,7 @@ public:
             variance += piece->return_sd * piece->return_sd;
         }
         waveform.time_sd = std::sqrt(variance);
+        add_errors_of_time(waveform);
         return waveform;
     }
 
@@ -126,6 +129,22 @@ private:
         waveform.time += piece.return_time;
     }
 
+    /// At a crossing the plane's own coordinate has no error but that of the instant.
+    static void add_errors_of_time(CycleWaveform& waveform) {
+        const Index count = waveform.times.size();
+        for (Index c = 0; c < waveform.values.rows(); ++c) {
+            for (Index k = 0; k < count; ++k) {
+                const Index before = (k + count - 1) % count, after = (k + 1) % count;
+                double span = waveform.times[after] - waveform.times[before];
+                if (span <= 0.0) span += waveform.time;
+                const double slope = (waveform.values(c, after) - waveform.values(c, before)) / span;
+                waveform.deviations(c, k) = std::hypot(waveform.deviations(c, k), slope * waveform.time_sd);
+            }
+            const double typical = std::sqrt(waveform.deviations.row(c).squaredNorm() / static_cast<double>(count));
+            waveform.deviations.row(c) = waveform.deviations.row(c).cwiseMax(least_share * typical);
+        }
+    }
+
     /// What is read in `places` equal shares of the way from a point of the section to its image, then the return time;
     /// empty where the record has a hole.
     [[nodiscard]] Eigen::VectorXd passage(std::size_t point, Index places) const {
@@ -135,11 +154,10 @@ private:
         Eigen::VectorXd row(places * std::ssize(coordinates_) + 1);
         for (std::size_t c = 0; c < coordinates_.size(); ++c)
             for (Index k = 0; k < places; ++k) {
-                const double at = (from.time + time * static_cast<double>(k) / static_cast<double>(places) - times[0]) /
-                                  step_;
+                const double at =
+                    (from.time + time * static_cast<double>(k) / static_cast<double>(places) - times[0]) / step_;
                 const Index sample = std::clamp<Index>(static_cast<Index>(std::floor(at)), 0, times.size() - 2);
-                const SmoothedValue value =
-                    smoothings_[c][from.segment].at(sample, at - static_cast<double>(sample));
+                const SmoothedValue value = smoothings_[c][from.segment].at(sample, at - static_cast<double>(sample));
                 if (!value.reliable()) return {};
                 row[static_cast<Index>(c) * places + k] = value.value;
             }
@@ -158,9 +176,9 @@ private:
         std::vector<double> distances;
         for (const Neighbour& near : index_.nearest(place, most)) {
             if (places == 0)
-                places = std::clamp<Index>(
-                    std::lround((origins_[near.index + 1].time - origins_[near.index].time) / step_), fewest_places,
-                    most_places);
+                places =
+                    std::clamp<Index>(std::lround((origins_[near.index + 1].time - origins_[near.index].time) / step_),
+                                      fewest_places, most_places);
             Eigen::VectorXd row = passage(near.index, places);
             if (row.size() == 0) continue;
             rows.push_back(std::move(row));
@@ -239,7 +257,8 @@ std::vector<CycleWaveform> cycle_waveforms(const Series& samples, std::span<cons
     for (const Index c : coordinates) {
         refuse_if(c < 0 || c >= samples.dimension(), "cycle_waveforms: the coordinate must be in [0, {}), got {}",
                   samples.dimension(), c);
-        refuse_if(samples.coordinate(c).angle, "cycle_waveforms: '{}' is an angle: its turns along a cycle are not told",
+        refuse_if(samples.coordinate(c).angle,
+                  "cycle_waveforms: '{}' is an angle: its turns along a cycle are not told",
                   samples.coordinate(c).name);
     }
     for (const Cycle& cycle : cycles)

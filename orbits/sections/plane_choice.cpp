@@ -1,11 +1,11 @@
 #include "orbits/sections/plane_choice.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
 
-#include "models/arithmetic/median.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/sections/time_smoothing.hpp"
 
@@ -14,7 +14,8 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double band_share = 0.05;
+constexpr double band_share = 0.02;
+constexpr std::array<double, 3> quantiles{0.5, 0.35, 0.65};
 constexpr double band_noise = 4.0;
 constexpr std::size_t fewest_returns = 2;
 constexpr double enough_crossings = 0.5;
@@ -88,10 +89,14 @@ ChosenPlane choose_plane(const Series& samples, const std::vector<bool>& zero) {
                 if (std::isfinite(y)) readings.push_back(y);
         if (readings.empty()) continue;
         const bool at_zero = static_cast<std::size_t>(c) < zero.size() && zero[static_cast<std::size_t>(c)];
-        const double value = at_zero ? 0.0 : models::upper_median(std::move(readings));
+        std::sort(readings.begin(), readings.end());
         const double noise = std::sqrt(difference_variance(samples, c));
-        for (const int direction : {1, -1})
-            planes.push_back(judged(samples, {c, value, direction}, scale[c], noise));
+        for (const double share : quantiles) {
+            const auto at = static_cast<std::size_t>(share * static_cast<double>(readings.size()));
+            for (const int direction : {1, -1})
+                planes.push_back(judged(samples, {c, at_zero ? 0.0 : readings[at], direction}, scale[c], noise));
+            if (at_zero) break;
+        }
     }
     std::size_t most = 0;
     for (const ChosenPlane& plane : planes)
