@@ -25,7 +25,7 @@ using Eigen::Index;
 constexpr Index shares_of_time = 256;
 constexpr double largest_misfit = 0.1;
 /// Of a stretch: the orbit may be far from the motion, which need not be chaotic at the start of the parameters.
-constexpr double largest_coarse_misfit = 1.0;
+constexpr double largest_coarse_misfit = 0.4;
 /// T of the model's orbits over that of the cycles.
 constexpr std::array<double, 9> stretches{1.0, 0.96, 1.04, 0.92, 1.08, 0.86, 1.14, 0.8, 1.22};
 constexpr double largest_ratio = 1.35;
@@ -121,7 +121,13 @@ Eigen::MatrixXd evenly(const orbits::CycleWaveform& waveform) {
             ++at;
         const double end = at + 1 < count ? waveform.times[at + 1] : waveform.time;
         const double share = (time - waveform.times[at]) / (end - waveform.times[at]);
-        rows.col(k) = (1.0 - share) * waveform.values.col(at) + share * waveform.values.col((at + 1) % count);
+        for (Index c = 0; c < rows.rows(); ++c) {
+            const double one = waveform.values(c, at), other = waveform.values(c, (at + 1) % count);
+            // Beside a missing reading its neighbour.
+            rows(c, k) = !std::isfinite(one)     ? other
+                         : !std::isfinite(other) ? one
+                                                 : (1.0 - share) * one + share * other;
+        }
     }
     return rows;
 }
@@ -144,9 +150,10 @@ Eigen::VectorXd variances(const std::vector<orbits::CycleWaveform>& waveforms) {
     Eigen::VectorXd square = sum;
     double number = 0.0;
     for (const auto& waveform : waveforms) {
-        sum += waveform.values.rowwise().sum();
-        square += waveform.values.cwiseAbs2().rowwise().sum();
-        number += static_cast<double>(waveform.values.cols());
+        const Eigen::MatrixXd even = evenly(waveform);
+        sum += even.rowwise().sum();
+        square += even.cwiseAbs2().rowwise().sum();
+        number += static_cast<double>(even.cols());
     }
     return (square / number - (sum / number).cwiseAbs2()).cwiseMax(1e-300);
 }
@@ -188,10 +195,7 @@ std::vector<Stretch> nearest_stretches(const Motion& motion, const orbits::Cycle
     std::vector<Stretch> apart;
     for (const Stretch& one : found) {
         const bool near = std::any_of(apart.begin(), apart.end(), [&](const Stretch& other) {
-            // Periodic motion passes the same stretch again and again.
-            constexpr double same_misfit = 0.02;
-            return static_cast<double>(std::abs(one.first - other.first)) * step < 0.25 * waveform.time ||
-                   one.misfit - other.misfit < same_misfit * other.misfit;
+            return static_cast<double>(std::abs(one.first - other.first)) * step < 0.25 * waveform.time;
         });
         if (!near) apart.push_back(one);
         if (apart.size() == tried) break;
@@ -243,9 +247,9 @@ std::optional<PairedOrbit> nearest_orbit(const models::System& system, const Eig
         const double misfit = misfit_of(measured, computed, variance);
         if (misfit > largest_misfit || (best && misfit >= best->misfit)) continue;
         best.emplace();
-        best->start.points = orbit.points;
-        best->start.section = start.section;
-        best->start.time = start.section ? 0.0 : orbit.time;
+        // One state and T: points of a waveform's orbit lie at fixed shares of T, which crossings do not.
+        best->start.points = orbit.points.col(0);
+        best->start.time = orbit.time;
         best->time = orbit.time;
         best->misfit = misfit;
     }

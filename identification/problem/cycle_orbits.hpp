@@ -14,7 +14,7 @@ namespace orbid::identification {
 
 /// An orbit of the model that a measured cycle is paired with.
 struct PairedOrbit {
-    periodic::StartingSolution start;  ///< crossings of a plane, or a state and T
+    periodic::StartingSolution start;  ///< a state and T
     double time = 0.0;                 ///< T of the orbit [s]
     double misfit = 0.0;               ///< mean square error over the variance of the readings, at equal shares of T
 };

@@ -26,8 +26,8 @@ constexpr std::array<std::size_t, 4> passage_counts{3, 6, 12, 24};
 constexpr double beyond_farthest = 1.05;
 /// Sds never fall below this share of the range.
 constexpr double rounding_share = 1e-9;
-/// No reading counts as better known than this share of the waveform's typical sd: errors of the map are common to all.
-constexpr double least_share = 0.2;
+/// A reading that is better known than this share of the waveform's typical sd is pinned by the section.
+constexpr double pinned_share = 1e-3;
 /// Samples among which the windows of smoothing are chosen.
 constexpr Index most_marks = 2000;
 
@@ -96,7 +96,7 @@ public:
             variance += piece->return_sd * piece->return_sd;
         }
         waveform.time_sd = std::sqrt(variance);
-        add_errors_of_time(waveform);
+        leave_out_pinned(waveform);
         return waveform;
     }
 
@@ -129,19 +129,14 @@ private:
         waveform.time += piece.return_time;
     }
 
-    /// At a crossing the plane's own coordinate has no error but that of the instant.
-    static void add_errors_of_time(CycleWaveform& waveform) {
-        const Index count = waveform.times.size();
+    /// At a crossing the plane's own coordinate has the plane's value: that is no reading.
+    static void leave_out_pinned(CycleWaveform& waveform) {
         for (Index c = 0; c < waveform.values.rows(); ++c) {
-            for (Index k = 0; k < count; ++k) {
-                const Index before = (k + count - 1) % count, after = (k + 1) % count;
-                double span = waveform.times[after] - waveform.times[before];
-                if (span <= 0.0) span += waveform.time;
-                const double slope = (waveform.values(c, after) - waveform.values(c, before)) / span;
-                waveform.deviations(c, k) = std::hypot(waveform.deviations(c, k), slope * waveform.time_sd);
-            }
-            const double typical = std::sqrt(waveform.deviations.row(c).squaredNorm() / static_cast<double>(count));
-            waveform.deviations.row(c) = waveform.deviations.row(c).cwiseMax(least_share * typical);
+            const double typical =
+                std::sqrt(waveform.deviations.row(c).squaredNorm() / static_cast<double>(waveform.deviations.cols()));
+            for (Index k = 0; k < waveform.values.cols(); ++k)
+                if (waveform.deviations(c, k) < pinned_share * typical)
+                    waveform.values(c, k) = std::numeric_limits<double>::quiet_NaN();
         }
     }
 

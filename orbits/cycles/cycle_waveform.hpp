@@ -23,7 +23,7 @@ struct CycleWaveform {
     double time = 0.0;           ///< T [s]
     double time_sd = 0.0;        ///< [s]
     Eigen::VectorXd times;       ///< shape (m) [s], from 0, below T
-    Eigen::MatrixXd values;      ///< shape (c, m)
+    Eigen::MatrixXd values;      ///< shape (c, m); nan = missing
     Eigen::MatrixXd deviations;  ///< sds, shape (c, m), > 0
 };
 
@@ -32,8 +32,8 @@ struct CycleWaveform {
 /// From the points of the section nearest to point j of a cycle, the record is followed to the next crossing, which it
 /// reaches after R. Readings at equal shares of R, and R itself, are fitted by polynomials of order 1 or 2 in the
 /// displacement from the cycle's point; their values at the point are those of the cycle. Order and number of
-/// neighbours are those with the least predicted error. The sds hold that error and what those of the point and of
-/// T add; none is below a fifth of the typical one. The pieces of all p points make one period. Readings between
+/// neighbours are those with the least predicted error. The sds hold that error and what that of the point adds.
+/// Readings that the section pins are missing. The pieces of all p points make one period. Readings between
 /// samples are those of smoothing polynomials in time (best_window()).
 ///
 /// Nothing but the record is needed: its coordinates may be delays of one reading, and the state unknown.

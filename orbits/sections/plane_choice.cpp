@@ -20,15 +20,13 @@ constexpr double band_noise = 4.0;
 constexpr std::size_t fewest_returns = 2;
 constexpr double enough_crossings = 0.5;
 
-/// When a coordinate passes a band, and how fast.
+/// When a coordinate passes a band.
 struct Passages {
     std::vector<double> returns;  ///< [s]
-    std::vector<double> speeds;
     std::size_t count = 0;
 };
 
 void add_passages(const Segment& segment, const PlaneCrossing& crossing, double band, Passages& passages) {
-    const double step = segment.times[1] - segment.times[0];
     constexpr double never = std::numeric_limits<double>::quiet_NaN();
     Index below = -1;  // the last sample before the band
     double last = never;
@@ -45,7 +43,6 @@ void add_passages(const Segment& segment, const PlaneCrossing& crossing, double 
         } else if (y > band && below >= 0) {
             const double middle = 0.5 * (segment.times[below] + segment.times[k]);
             if (std::isfinite(last)) passages.returns.push_back(middle - last);
-            passages.speeds.push_back(2.0 * band / std::max(segment.times[k] - segment.times[below], step));
             last = middle;
             ++passages.count;
             below = -1;
@@ -58,7 +55,7 @@ ChosenPlane judged(const Series& samples, const PlaneCrossing& crossing, double 
     Passages passages;
     for (const Segment& segment : samples.segments)
         if (segment.values.cols() > 1) add_passages(segment, crossing, band, passages);
-    ChosenPlane plane{crossing, passages.count, 0.0, std::numeric_limits<double>::infinity(), 0.0};
+    ChosenPlane plane{crossing, passages.count, 0.0, std::numeric_limits<double>::infinity()};
     if (passages.returns.size() < fewest_returns) return plane;
     double sum = 0.0, square = 0.0;
     for (const double time : passages.returns) {
@@ -69,8 +66,6 @@ ChosenPlane judged(const Series& samples, const PlaneCrossing& crossing, double 
     plane.mean_return = sum / number;
     plane.unevenness =
         std::sqrt(std::max(square / number - plane.mean_return * plane.mean_return, 0.0)) / plane.mean_return;
-    std::sort(passages.speeds.begin(), passages.speeds.end());
-    plane.steepness = passages.speeds[passages.speeds.size() / 20] * plane.mean_return / range;
     return plane;
 }
 

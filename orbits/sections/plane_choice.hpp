@@ -15,7 +15,6 @@ struct ChosenPlane {
     std::size_t crossings = 0;
     double mean_return = 0.0;  ///< [s]
     double unevenness = 0.0;   ///< sd of the return times over their mean
-    double steepness = 0.0;    ///< speed of the coordinate at its slowest twentieth of crossings, in ranges per return
 };
 
 /// The plane coordinate = value that a motion returns to most evenly.

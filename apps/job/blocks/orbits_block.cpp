@@ -148,41 +148,6 @@ Json invariants_document(const OrbitsJob& orbits, const Writing& at) {
     return fields_document(orbits, invariants_fields(), at);
 }
 
-/// Of { "delay": 12, "dimension": 3 }.
-const FieldTable<EmbeddingJob>& embedding_fields() {
-    constexpr double longest_delay = 1e6;
-    constexpr double largest_dimension = 16;
-    const auto number_or_auto = [](const char* name, double least, double most, const char* text,
-                                   int EmbeddingJob::*member) {
-        return Field<EmbeddingJob>{key(name, choice({"auto"}) | whole(least, most), text).by_default("auto"),
-                                   [=](const ValueReader& value, const Job&, EmbeddingJob& embedding) {
-                                       if (value.is(JsonValue::Kind::string))
-                                           (void)value.choice({"auto"});
-                                       else
-                                           value.read(embedding.*member);
-                                   },
-                                   [=](const EmbeddingJob& embedding, const Writing&) {
-                                       return embedding.*member == 0 ? Json("auto") : Json(embedding.*member);
-                                   }};
-    };
-    static const FieldTable<EmbeddingJob> table{
-        number_or_auto("delay", 1, longest_delay,
-                       "Samples from one entry of a vector to the next; \"auto\": the first minimum of the mutual "
-                       "information.",
-                       &EmbeddingJob::delay),
-        number_or_auto("dimension", 2, largest_dimension,
-                       "Entries of a vector; \"auto\": until neighbours are no longer false.", &EmbeddingJob::dimension)};
-    return table;
-}
-
-void read_embedding(const ValueReader& value, const Job& job, OrbitsJob& orbits) {
-    orbits.embedding.emplace();
-    if (value.is(JsonValue::Kind::string))
-        (void)value.choice({"auto"});
-    else
-        read_object(value, embedding_fields(), *orbits.embedding, job);
-}
-
 /// Symmetry of the model that maps the section onto itself: one with a shift in phase maps it onto another section,
 /// and so does one that moves its plane.
 std::optional<models::Symmetry> section_symmetry(const Job& job) {
@@ -236,12 +201,7 @@ FieldTable<OrbitsJob> cycle_search_fields() {
         object_field<OrbitsJob>(
             key("partition", {}, "Names parts of the section, so that cycles get codes."), partition_fields(),
             [](auto& orbits) -> auto& { return orbits.search.partition; }),
-        {key("embedding", choice({"auto"}) | object(keys_of(embedding_fields())),
-             "Autonomous models of which one coordinate is read: states are vectors of delayed readings."),
-         read_embedding,
-         [](const OrbitsJob& orbits, const Writing& at) {
-             return orbits.embedding ? fields_document(*orbits.embedding, embedding_fields(), at) : left_out();
-         }},
+        embedding_field(),
         {key("invariants", boolean() | object(keys_of(invariants_fields())),
              "Exponents, dimensions and entropies of the series.")
              .by_default(false),
@@ -272,25 +232,6 @@ const FieldTable<OrbitsJob>& orbits_fields() {
 
 namespace {
 
-/// What vectors of delays have no use for.
-void check_embedding(ObjectReader& object, const Job& job, const DataJob& data, bool alone,
-                     const OrbitsJob& orbits) {
-    const auto at = object.find("embedding").value_or(object.self());
-    if (!alone) {
-        at.report(fmt::format("embeds one coordinate of an autonomous model in samples: \"{}\" observes {} of {}",
-                              data.name, data.observe.size(), job.model.name));
-        return;
-    }
-    const models::Coordinate& coordinate = job.model.coordinate(data.observe.front());
-    if (coordinate.angle)
-        at.report(fmt::format("{} is an angle, which jumps at the end of its turn: read its sine", coordinate.name));
-    if (job.section_plane && job.section_plane->coordinate != data.observe.front())
-        at.report(fmt::format("the section is at {}, which is not read: use \"section\": \"auto\", or one at {}",
-                              job.model.coordinate(job.section_plane->coordinate).name, coordinate.name));
-    if (orbits.search.partition)
-        object.find("partition")->report_later("a partition of vectors of delays");
-}
-
 /// The first section series is searched; without one the first record of samples, cut by the job's section.
 void choose_series(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     const auto is = [](orbits::Series::Sampling sampling) {
@@ -304,11 +245,14 @@ void choose_series(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         return;
     }
     orbits.data = static_cast<std::size_t>(series - job.data.begin());
+    if (!samples && job.section_from_data)
+        object.self().report(
+            fmt::format("\"section\": \"auto\" is chosen by samples in time, but \"{}\" holds sections", series->name));
     // One coordinate of an autonomous flow is embedded unless told otherwise.
     const bool alone = samples && job.model.is(models::Kind::autonomous) && series->observe.size() == 1 &&
                        job.model.system->dimension() > 1;
     if (alone && !orbits.embedding) orbits.embedding.emplace();
-    if (orbits.embedding) check_embedding(object, job, *series, alone, orbits);
+    if (orbits.embedding) describe::check_embedding(object, job, *series, alone, orbits);
     if (samples && job.model.is(models::Kind::autonomous) && !job.section_plane && !job.section_from_data &&
         !orbits.embedding)
         object.self().report(

@@ -29,33 +29,18 @@ json lorenz_job() {
 }
 
 json roessler_job() {
-    return json::parse(R"({
+    return json::parse(R"job({
       "model": { "equations": { "x": "-y - z", "y": "x + a * y", "z": "b + z * (x - c)" }, "compile": false,
-                 "parameters": {
-    "a" : 0.2, "b" : 0.2, "c" : 5.7
-}
-}
-, "seed" : 3,
-    "data" : {
-        "name" : "osc",
-        "observe" : ["x"],
-        "simulate" : {
-            "samples" : {"step" : 0.05, "count" : 160000},
-            "transient" : 4000,
-            "initial" : [[ 1, 1, 0 ]],
-            "noise" : {"x" : 0.2}
-        }
-    },
-             "orbits" : {"periods" : [ 1, 2, 3 ]},
-                        "estimate" : {
-                            "parameters" : {"a" : {"start" : 0.18}, "b" : {"start" : 0.22}, "c" : {"start" : 6.2}},
-                            "residuals" : [ {"type" : "waveform", "of" : "cycles"} ]
-                        },
-                                     "reference" : {"a" : 0.2, "b" : 0.2, "c" : 5.7},
-                                                   "output" : {
-    "series" : "none"
-}
-})");
+                 "parameters": { "a": 0.2, "b": 0.2, "c": 5.7 } },
+      "seed": 3,
+      "data": { "name": "osc", "observe": ["x"],
+                "simulate": { "samples": { "step": 0.05, "count": 160000 }, "transient": 4000, "initial": [[1, 1, 0]],
+                              "noise": { "x": 0.2 } } },
+      "orbits": { "periods": [1, 2, 3] },
+      "estimate": { "parameters": { "a": { "start": 0.18 }, "b": { "start": 0.22 }, "c": { "start": 6.2 } },
+                    "residuals": [ { "type": "waveform", "of": "cycles" } ] },
+      "reference": { "a": 0.2, "b": 0.2, "c": 5.7 },
+      "output": { "series": "none" } })job");
 }
 
 void check_within_intervals(const json& result) {
