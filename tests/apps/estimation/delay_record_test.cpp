@@ -37,7 +37,7 @@ json roessler_job() {
                 "simulate": { "samples": { "step": 0.05, "count": 160000 }, "transient": 4000, "initial": [[1, 1, 0]],
                               "noise": { "x": 0.2 } } },
       "orbits": { "periods": [1, 2, 3] },
-      "estimate": { "parameters": { "a": { "start": 0.18 }, "b": { "start": 0.22 }, "c": { "start": 6.2 } },
+      "estimate": { "parameters": { "a": { "start": 0.22 }, "b": { "start": 0.18 }, "c": { "start": 5.2 } },
                     "residuals": [ { "type": "waveform", "of": "cycles" } ] },
       "reference": { "a": 0.2, "b": 0.2, "c": 5.7 },
       "output": { "series": "none" } })job");
