@@ -142,7 +142,8 @@ void add_measured_cycles(const Job& job, const SearchedSection* section, const o
         const auto row = std::find_if(coordinates.begin(), coordinates.end(),
                                       [&](const orbits::SeriesCoordinate& one) { return one.name == name; });
         if (row == coordinates.end())
-            throw orbits::DataError(fmt::format("{}: the series has no coordinate {}", job.data[job.orbits->data].name, name));
+            throw orbits::DataError(
+                fmt::format("{}: the series has no coordinate {}", job.data[job.orbits->data].name, name));
         rows.push_back(row - coordinates.begin());
     }
     problem.waveform->cycles = orbits::cycle_waveforms(*section->record, rows, section->series(), search.cycles);

@@ -61,9 +61,8 @@ periodic::WaveformOptions waveform_options(const WaveformChoice& asked, const Ei
     periodic::WaveformOptions options;
     std::vector<Index> coordinates;
     for (const RecordErrors& error : asked.errors) {
-        options.channels.push_back(
-            {error.coordinate, error.scale, error.distribution, error.floor,
-             asked.of_cycles || !error.sd_column.empty()});
+        options.channels.push_back({error.coordinate, error.scale, error.distribution, error.floor,
+                                    asked.of_cycles || !error.sd_column.empty()});
         coordinates.push_back(error.coordinate);
     }
     options.covariances = joint_covariances(asked.covariances, coordinates);
@@ -182,7 +181,8 @@ std::vector<std::string> add_cycles(const IdentificationProblem& problem, const 
         const orbits::CycleWaveform& cycle = asked.cycles[i];
         const std::string label = fmt::format("cycle {} (period {})", cycle.cycle, cycle.period);
         if (!pairs[i]) {
-            said.push_back(fmt::format("{}: {} is not used: the model has no orbit like it at the start", data.name, label));
+            said.push_back(
+                fmt::format("{}: {} is not used: the model has no orbit like it at the start", data.name, label));
             continue;
         }
         periodic::WaveformRecord record;
@@ -198,10 +198,10 @@ std::vector<std::string> add_cycles(const IdentificationProblem& problem, const 
         waveform.places.push_back({experiment, 0});
     }
     if (records.empty())
-        throw orbits::DataError(
-            fmt::format("{}: the model has no orbit like any of the {} cycles at the start: start the parameters nearer, "
-                        "or search for cycles of other periods",
-                        data.name, asked.cycles.size()));
+        throw orbits::DataError(fmt::format(
+            "{}: the model has no orbit like any of the {} cycles at the start: start the parameters nearer, "
+            "or search for cycles of other periods",
+            data.name, asked.cycles.size()));
     return said;
 }
 

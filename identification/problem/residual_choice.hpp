@@ -56,8 +56,8 @@ struct WaveformChoice {
     std::vector<Experiment> experiments;  ///< one per entry of `data`
     std::vector<RecordErrors> errors;     ///< one per coordinate observed in any of them, ascending
     std::vector<JointErrors> covariances;
-    /// The records are not those of the segments, but the waveforms of cycles found in the record of the only experiment
-    /// in `data`; their rows are those of `errors`, whose scales are factors on the sds of the waveforms.
+    /// The records are not those of the segments, but the waveforms of cycles found in the record of the only
+    /// experiment in `data`; their rows are those of `errors`, whose scales are factors on the sds of the waveforms.
     bool of_cycles = false;
     std::vector<orbits::CycleWaveform> cycles = {};
 };

@@ -216,10 +216,11 @@ const FieldTable<Waveform>& waveform_fields() {
     static const FieldTable<Waveform> table = [] {
         FieldTable<Waveform> fields{
             experiments_field<Waveform>().with_rule(use_samples),
-            word_field(key("of", {},
-                           "Autonomous models: the records themselves, or the cycles that \"orbits\" finds in one, whose "
-                           "errors are factors on those of the analysis."),
-                       {{false, "records"}, {true, "cycles"}}, &Waveform::of_cycles)
+            word_field(
+                key("of", {},
+                    "Autonomous models: the records themselves, or the cycles that \"orbits\" finds in one, whose "
+                    "errors are factors on those of the analysis."),
+                {{false, "records"}, {true, "cycles"}}, &Waveform::of_cycles)
                 .written_if([](const Waveform& waveform) { return waveform.of_cycles; }),
             {key("period", per_experiment(whole(1, longest_period)), "Forced models: in periods of the forcing.")
                  .by_default(1),
@@ -288,8 +289,9 @@ namespace {
 void check_cycles(ObjectReader& object, const Job& job, Waveform& waveform) {
     const auto of = object.find("of");
     if (job.model.system && !job.model.is(models::Kind::autonomous))
-        of->report(fmt::format("must be \"records\": the model {} is {}, whose cycles a residual of type cycles compares",
-                               job.model.name, job.model.is(models::Kind::map) ? "a map" : "forced"));
+        of->report(
+            fmt::format("must be \"records\": the model {} is {}, whose cycles a residual of type cycles compares",
+                        job.model.name, job.model.is(models::Kind::map) ? "a map" : "forced"));
     for (const char* name : {"period", "time", "phase", "offset", "start"})
         if (const auto value = object.find(name))
             value->report("belongs to records: a cycle begins and lasts as the search tells");
