@@ -26,7 +26,7 @@ constexpr std::array<std::size_t, 4> passage_counts{3, 6, 12, 24};
 constexpr double beyond_farthest = 1.05;
 /// Sds never fall below this share of the range.
 constexpr double rounding_share = 1e-9;
-/// A reading that is better known than this share of the waveform's typical sd is pinned by the section.
+/// A reading that is better known than this share of the waveform's typical sd is told by the section itself.
 constexpr double pinned_share = 1e-3;
 /// Samples among which the windows of smoothing are chosen.
 constexpr Index most_marks = 2000;

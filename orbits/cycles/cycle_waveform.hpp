@@ -33,7 +33,7 @@ struct CycleWaveform {
 /// reaches after R. Readings at equal shares of R, and R itself, are fitted by polynomials of order 1 or 2 in the
 /// displacement from the cycle's point; their values at the point are those of the cycle. Order and number of
 /// neighbours are those with the least predicted error. The sds hold that error and what that of the point adds.
-/// Readings that the section pins are missing. The pieces of all p points make one period. Readings between
+/// Readings that the section itself tells are missing. The pieces of all p points make one period. Readings between
 /// samples are those of smoothing polynomials in time (best_window()).
 ///
 /// Nothing but the record is needed: its coordinates may be delays of one reading, and the state unknown.
