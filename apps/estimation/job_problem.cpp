@@ -1,5 +1,6 @@
 #include "apps/estimation/job_problem.hpp"
 
+#include <algorithm>
 #include <memory>
 
 #include <fmt/format.h>
@@ -11,6 +12,8 @@
 #include "apps/stages/periodic_stage.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "models/catalogue/registry.hpp"
+#include "orbits/cycles/cycle_waveform.hpp"
+#include "orbits/records/data_error.hpp"
 #include "orbits/records/series_file.hpp"
 
 namespace orbid::apps {
@@ -131,6 +134,19 @@ void add_measured_cycles(const Job& job, const SearchedSection* section, const o
     problem.measured.section = borrowed(section->series());
     problem.measured.options = section->options;
     problem.measured.experiment = job.orbits->data;
+    if (!problem.waveform || !problem.waveform->of_cycles) return;
+    std::vector<Eigen::Index> rows;
+    for (const identification::RecordErrors& error : problem.waveform->errors) {
+        const auto name = job.model.coordinate(error.coordinate).name;
+        const auto& coordinates = section->record->coordinates;
+        const auto row = std::find_if(coordinates.begin(), coordinates.end(),
+                                      [&](const orbits::SeriesCoordinate& one) { return one.name == name; });
+        if (row == coordinates.end())
+            throw orbits::DataError(
+                fmt::format("{}: the series has no coordinate {}", job.data[job.orbits->data].name, name));
+        rows.push_back(row - coordinates.begin());
+    }
+    problem.waveform->cycles = orbits::cycle_waveforms(*section->record, rows, section->series(), search.cycles);
 }
 
 identification::Options identification_options(const Job& job) {

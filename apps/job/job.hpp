@@ -50,6 +50,7 @@ struct Job {
     std::uint64_t seed = 1;
     double section_phase = 0.0;                    ///< [rad], forced models
     std::optional<SectionPlaneJob> section_plane;  ///< autonomous models
+    bool section_from_data = false;                ///< autonomous models: the plane is chosen by the searched record
     std::vector<DataJob> data;
     OptionalBlock<OrbitsJob> orbits;
     OptionalBlock<PeriodicJob> periodic;

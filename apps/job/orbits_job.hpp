@@ -20,6 +20,12 @@ inline const std::vector<std::string> cycle_method_names{"auto", "local_maps", "
 inline const std::vector<std::string> local_map_names{"auto",    "linear",  "quadratic", "cubic",
                                                       "quartic", "quintic", "sextic"};
 
+/// States made from one reading of an autonomous flow.
+struct EmbeddingJob {
+    int delay = 0;      ///< [samples]; 0: first minimum of the mutual information
+    int dimension = 0;  ///< 0: by false neighbours
+};
+
 /// Cycles come from a search in the section series, or from a file.
 struct OrbitsJob {
     std::optional<std::filesystem::path> file;  ///< absolute path of a cycles.json
@@ -28,6 +34,7 @@ struct OrbitsJob {
     Eigen::VectorXd reading_sd;  ///< of a reading, one per coordinate of the model; empty: estimated from the series
     bool invariants = false;     ///< exponents, dimensions and entropies from the series and, if complete, the cycles
     orbits::CycleExpansionOptions expansion = {};  ///< complete_to 0: not stated, no expansion
+    std::optional<EmbeddingJob> embedding = {};    ///< of the only coordinate that is read
     std::size_t data = 0;                          ///< index into Job::data of the searched series; unused with `file`
 };
 

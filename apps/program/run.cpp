@@ -102,7 +102,9 @@ SearchedSection section_of(const Workspace& work, const orbits::Series& series) 
 int run_stages(const Workspace& work, const Console& console, bool coloured) {
     const Job& job = work.job;
     const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
-    const bool searching = job.orbits && (wants(work.options, Stage::orbits) || (estimating && job.estimate->cycles));
+    const bool from_cycles =
+        estimating && (job.estimate->cycles || (job.estimate->waveform && job.estimate->waveform->of_cycles));
+    const bool searching = job.orbits && (wants(work.options, Stage::orbits) || from_cycles);
     const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
                          (estimating && (job.estimate->series || job.estimate->waveform || is_section_search(job)));
     int code = success;

@@ -9,6 +9,7 @@
 #include "apps/job/orbits_job.hpp"
 #include "apps/results/cycle_reader.hpp"
 #include "apps/results/invariants_file.hpp"
+#include "apps/stages/short_record.hpp"
 #include "apps/stages/workspace.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -70,6 +71,13 @@ CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
     return head;
 }
 
+CycleFileHead cycle_file_head(const Job& job, const SearchedSection& section, Fingerprint fingerprint) {
+    CycleFileHead head = cycle_file_head(job, std::move(fingerprint));
+    head.coordinates = section.coordinates;
+    head.plane = section.plane;
+    return head;
+}
+
 orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<SearchedSection>& section) {
     const OrbitsJob& orbits = *work.job.orbits;
     if (orbits.file) {
@@ -83,7 +91,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         std::string stored;
         orbits::CycleSearch search;
         try {
-            CycleFile read = read_cycles(file, work.job.model.name, section_coordinates(work.job));
+            CycleFile read = read_cycles(file, work.job.model.name, section->coordinates);
             stored = read.head.fingerprint.sha256.empty() ? std::string() : to_text(read.head.fingerprint);
             search = std::move(read.search);
         } catch (const orbits::DataError&) {
@@ -111,10 +119,15 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         std::string_view reason = error.what();
         constexpr std::string_view caller = "find_cycles: ";
         if (reason.starts_with(caller)) reason.remove_prefix(caller.size());
-        throw orbits::DataError(
-            fmt::format("{}: cannot be searched for cycles: {}", work.job.data[orbits.data].name, reason));
+        throw orbits::DataError(fmt::format("{}: cannot be searched for cycles: {}. {}",
+                                            work.job.data[orbits.data].name, reason,
+                                            fmt::join(without_cycles(work.job, *section), " ")));
     }
-    work.folder.store("cycles.json", cycles_text({cycle_file_head(work.job, wanted), search}));
+    if (search.cycles.empty())
+        for (std::string& line : without_cycles(work.job, *section))
+            search.remarks.push_back(std::move(line));
+    search.remarks.insert(search.remarks.begin(), section->choices.begin(), section->choices.end());
+    work.folder.store("cycles.json", cycles_text({cycle_file_head(work.job, *section, wanted), search}));
     work.progress.end(fmt::format("{} cycles from {} candidates", search.cycles.size(), search.candidates));
     say_missing(work, search);
     for (const std::string& remark : search.remarks)

@@ -11,6 +11,8 @@ namespace orbid::apps {
 
 /// The heading of every list of cycles or orbits of this job.
 [[nodiscard]] CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint);
+/// Of cycles that were searched for in this section.
+[[nodiscard]] CycleFileHead cycle_file_head(const Job& job, const SearchedSection& section, Fingerprint fingerprint);
 
 /// The cycles of the job: read from its file, or searched in the series and stored as cycles.json, which is reused
 /// while its fingerprint fits. Requested periods that were not found are reported.

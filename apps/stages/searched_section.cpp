@@ -1,5 +1,6 @@
 #include "apps/stages/searched_section.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -8,7 +9,10 @@
 
 #include "apps/job/data_job.hpp"
 #include "apps/job/orbits_job.hpp"
+#include "apps/stages/short_record.hpp"
 #include "orbits/records/data_error.hpp"
+#include "orbits/sections/delay_embedding.hpp"
+#include "orbits/sections/plane_choice.hpp"
 #include "orbits/sections/sampled_section.hpp"
 
 namespace orbid::apps {
@@ -46,24 +50,101 @@ std::string cutting_remark(const orbits::SampledSection& section, const orbits::
     return text;
 }
 
+/// The record of the only coordinate that is read, as vectors of its delays.
+orbits::Series embedded_samples(const Job& job, const orbits::Series& record, SearchedSection& section) {
+    const DataJob& data = job.data[job.orbits->data];
+    const std::string name(job.model.coordinate(data.observe.front()).name);
+    const auto row = std::find_if(record.coordinates.begin(), record.coordinates.end(),
+                                  [&](const orbits::SeriesCoordinate& one) { return one.name == name; });
+    if (row == record.coordinates.end()) throw orbits::DataError(fmt::format("there is no coordinate {}", name));
+    orbits::DelayEmbeddingOptions options;
+    options.coordinate = row - record.coordinates.begin();
+    options.delay = job.orbits->embedding->delay;
+    options.dimension = job.orbits->embedding->dimension;
+    options.rise = true;
+    // Reading errors make neighbours false in any dimension: the model's own is enough for its section.
+    options.largest_dimension = static_cast<int>(job.model.system->dimension());
+    orbits::DelayEmbedding embedding;
+    try {
+        embedding = orbits::embed(record, options);
+    } catch (const orbits::DataError& error) {
+        throw orbits::DataError(fmt::format("{} cannot be embedded: {}", name, error.what()));
+    }
+    std::string text = fmt::format("states are vectors of {} readings of {}, {} samples apart", embedding.dimension,
+                                   name, embedding.delay);
+    if (options.delay == 0)
+        text += embedding.minimum_found ? ": the first minimum of the mutual information"
+                                        : ": where the mutual information has fallen to 1/e, as it has no minimum";
+    if (options.dimension == 0 && !embedding.false_neighbours.empty())
+        text += fmt::format("; {:.2g} % false neighbours{}", 100.0 * embedding.false_neighbours.back(),
+                            embedding.unfolded ? "" : ", more than 1 %, also in the largest dimension tried");
+    section.choices.push_back(std::move(text));
+    return std::move(embedding.series);
+}
+
+/// The job's plane among the coordinates of `samples`, or the one chosen by these.
+orbits::PlaneCrossing plane_of(const Job& job, const orbits::Series& samples, SearchedSection& section) {
+    const bool embedded = job.orbits->embedding.has_value();
+    orbits::PlaneCrossing crossing;
+    if (job.section_plane) {
+        const SectionPlaneJob& plane = *job.section_plane;
+        crossing = {embedded ? 0 : plane.coordinate, plane.value, plane.direction};
+    } else {
+        orbits::Series shown = samples;
+        std::vector<bool> zero;
+        if (embedded) {
+            // Later delays repeat what the first says.
+            zero = {false, true};
+            shown.coordinates.resize(2);
+            for (orbits::Segment& segment : shown.segments)
+                segment.values = orbits::Readings(Eigen::MatrixXd(segment.values.topRows(2)));
+        }
+        const orbits::ChosenPlane chosen = orbits::choose_plane(shown, zero);
+        crossing = chosen.crossing;
+        section.choices.push_back(fmt::format(
+            "the section is {} = {:.6g}, {}: of the planes tried it has the most even returns, {} of {:.3g} s, sd "
+            "{:.2g} %",
+            samples.coordinate(crossing.coordinate).name, crossing.value, crossing.direction > 0 ? "rising" : "falling",
+            chosen.crossings, chosen.mean_return, 100.0 * chosen.unevenness));
+    }
+    section.plane = SectionPlane{samples.coordinate(crossing.coordinate).name, crossing.value, crossing.direction};
+    return crossing;
+}
+
 void cut_samples(const Job& job, const std::function<bool()>& interrupted, SearchedSection& section) {
     const DataJob& data = job.data[job.orbits->data];
     orbits::SampledSection cut;
     try {
-        if (job.section_plane) {
-            const SectionPlaneJob& plane = *job.section_plane;
-            cut = plane_section(*section.record, {plane.coordinate, plane.value, plane.direction}, interrupted);
+        if (job.model.is(models::Kind::autonomous)) {
+            std::optional<orbits::Series> embedded;
+            if (job.orbits->embedding) embedded = embedded_samples(job, *section.record, section);
+            const orbits::Series& samples = embedded ? *embedded : *section.record;
+            const orbits::PlaneCrossing crossing = plane_of(job, samples, section);
+            cut = plane_section(samples, crossing, interrupted);
+            section.remark = cutting_remark(cut, samples);
+            // What the model declares belongs to its own states.
+            auto& signs = section.options.symmetry_signs;
+            if (signs && (embedded || !((*signs)[static_cast<std::size_t>(crossing.coordinate)] > 0.0))) signs.reset();
+            if (signs) signs->erase(signs->begin() + crossing.coordinate);
+            auto& partition = section.options.partition;
+            if (partition && partition->coordinate == crossing.coordinate)
+                throw orbits::DataError(
+                    fmt::format("the partition divides {}, which is the same at all points of the section",
+                                samples.coordinate(crossing.coordinate).name));
+            if (partition && partition->coordinate > crossing.coordinate) --partition->coordinate;
         } else {
             const Eigen::VectorXd values = data.with_own(job.model.values);
             cut = stroboscopic_section(*section.record, job.model.system->period(values, models::Clock::time),
                                        job.section_phase, interrupted);
+            section.remark = cutting_remark(cut, *section.record);
         }
     } catch (const orbits::DataError& error) {
-        throw orbits::DataError(fmt::format("{}: no section can be made of its samples: {}", data.name, error.what()));
+        throw orbits::DataError(fmt::format("{}: no section can be made of its samples: {}. {}", data.name,
+                                            error.what(), without_section(*section.record)));
     }
-    section.remark = cutting_remark(cut, *section.record);
     if (!cut.windows.empty()) section.options.reading_covariance = cut.reading_covariance;
     section.cut = std::move(cut.series);
+    section.coordinates = section.cut->coordinates;
 }
 
 /// Reading errors of a record of nothing but an angle and its difference quotient: both come from two readings of the
@@ -93,10 +174,15 @@ SearchedSection searched_section(const Job& job, const orbits::Series& record,
     section.options = job.orbits->search;
     Eigen::VectorXd sd = job.orbits->reading_sd;
     const bool samples = record.sampling == orbits::Series::Sampling::samples;
-    if (samples) cut_samples(job, interrupted, section);
-    if (job.section_plane) {
+    if (samples) {
+        cut_samples(job, interrupted, section);
+    } else {
+        section.coordinates = section_coordinates(job);
+        section.plane = section_plane(job);
+    }
+    if (job.section_plane && !samples) {
         const Eigen::Index plane = job.section_plane->coordinate;
-        if (!samples) section.cut = without_coordinate(record, plane);
+        section.cut = without_coordinate(record, plane);
         if (sd.size() > 0) sd = without_row(sd, plane);
         if (section.options.symmetry_signs)
             section.options.symmetry_signs->erase(section.options.symmetry_signs->begin() + plane);

@@ -17,13 +17,18 @@ struct SearchedSection {
     const orbits::Series* record = nullptr;
     std::optional<orbits::Series> cut;  ///< made from the record if that is not yet a section
     orbits::CycleSearchOptions options;
-    std::string remark;  ///< how the section was made from the record; empty: it was one
+    std::string remark;                     ///< how the section was made from the record; empty: it was one
+    std::vector<std::string> choices = {};  ///< what was chosen by the data, in sentences
+    std::optional<SectionPlane> plane = {};
+    std::vector<orbits::SeriesCoordinate> coordinates = {};  ///< of its points
 
     [[nodiscard]] const orbits::Series& series() const { return cut ? *cut : *record; }
 };
 
-/// Crossings of a plane lose the coordinate that is constant there. Samples are cut by the job's plane or at its phase
-/// of the forcing. Keeps a reference to the record.
+/// Crossings of a plane lose the coordinate that is constant there. Samples are cut by the job's plane, by one that is
+/// chosen by the data, or at the job's phase of the forcing. Where one coordinate of an autonomous flow is read, its
+/// vectors of delays take the place of the states; its rise over one delay stands beside it, 0 where it has an
+/// extremum. Keeps a reference to the record.
 /// @param interrupted  asked all along.
 /// @throws orbits::DataError when the samples cannot be cut; models::Stopped.
 [[nodiscard]] SearchedSection searched_section(const Job& job, const orbits::Series& record,

@@ -11,6 +11,7 @@
 
 #include "estimator/interface/eigen_layout.hpp"
 #include "identification/problem/record_errors.hpp"
+#include "orbits/cycles/cycle_waveform.hpp"
 #include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/waveforms/orbit_measures.hpp"
 #include "periodic/waveforms/waveform_record.hpp"
@@ -46,7 +47,7 @@ struct SeriesChoice {
 struct WaveformChoice {
     struct Experiment {
         int period = 1;     ///< in periods of the forcing
-        double time = 0.0;  ///< autonomous: a guess of T [s]
+        double time = 0.0;  ///< autonomous: a guess of T [s]; 0: told from the record
         periodic::WaveformUnknown phase{true, 0.0};
         std::vector<periodic::WaveformUnknown> offsets;  ///< one per entry of `errors`
         Eigen::MatrixXd start;                           ///< shape (n, period): states at phase 0; empty: found
@@ -55,6 +56,10 @@ struct WaveformChoice {
     std::vector<Experiment> experiments;  ///< one per entry of `data`
     std::vector<RecordErrors> errors;     ///< one per coordinate observed in any of them, ascending
     std::vector<JointErrors> covariances;
+    /// The records are not those of the segments, but the waveforms of cycles found in the record of the only
+    /// experiment in `data`; their rows are those of `errors`, whose scales are factors on the sds of the waveforms.
+    bool of_cycles = false;
+    std::vector<orbits::CycleWaveform> cycles = {};
 };
 
 /// Amplitudes and frequencies of periodic motions, stable or unstable, that were measured over a parameter.

@@ -52,6 +52,7 @@ StrategyRun run_strategy(StageInput& input, const std::vector<Stage>& stages,
                 one.chosen = false;
             strategy.stages.back().chosen = run.usable();
             strategy.best = std::move(run);
+            input.followed = followed_states(*strategy.best);
             for (std::size_t i = 0; strategy.best->usable() && i < current.size(); ++i)
                 current[i].start = strategy.best->estimate.parameters[i].value;
         }

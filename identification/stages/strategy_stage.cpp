@@ -41,8 +41,8 @@ void begin_at(const Eigen::VectorXd& theta, Parameters& parameters) {
 /// Makes the waveform residual anew, with its solutions at `start`.
 void make_waveform(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
     input.observer.within("steady states at the start");
-    for (const std::string& lost : add_waveform(input.problem, input.setup, start, residuals.waveform))
-        input.observer.remark(lost);
+    for (const std::string& line : add_waveform(input.problem, input.setup, start, residuals.waveform, input.followed))
+        input.observer.remark(line);
 }
 
 void make_branch(const StageInput& input, const Eigen::VectorXd& start, ProblemResiduals& residuals) {
@@ -100,7 +100,7 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
         }
     }
     if (stage.uses(ResidualType::waveform)) {
-        if (starts(parameters) == input.setup.start()) {
+        if (starts(parameters) == input.setup.start() && input.prepared.waveform.residual) {
             residuals.waveform.residual =
                 std::make_unique<periodic::WaveformResidual>(*input.prepared.waveform.residual);
             residuals.waveform.places = input.prepared.waveform.places;

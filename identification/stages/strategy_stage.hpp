@@ -36,8 +36,9 @@ struct StageInput {
     estimator::EstimateOptions estimate;
     orbits::CycleSearch search;      ///< a harvest adds to it
     StartResults* starts = nullptr;  ///< report of several starts, if the options ask for them
-    SeriesStart nodes;       ///< intervals and nodes of series; without any they are searched for or guessed
-    bool kept = false;  ///< the observer keeps what stages come to, for a run that continues
+    SeriesStart nodes;          ///< intervals and nodes of series; without any they are searched for or guessed
+    bool kept = false;          ///< the observer keeps what stages come to, for a run that continues
+    std::vector<FollowedStates> followed = {};  ///< states along the records, by the best stage so far
 };
 
 /// A finished stage, with the input of its estimate.
@@ -67,6 +68,9 @@ struct StageRun {
 [[nodiscard]] StageRun run_stage(StageInput& input, const Stage& stage,
                                  const std::vector<estimator::FreeParameter>& parameters, const StageRun* before,
                                  const std::string& name);
+
+/// States along the records at the estimate of a stage: the nodes of its series. Empty without any.
+[[nodiscard]] std::vector<FollowedStates> followed_states(const StageRun& run);
 
 /// Only the minimisation of a stage: harvested cycles are already added, and the parameters of the cycles are near it.
 /// @throws orbits::DataError as run_stage.

@@ -65,8 +65,10 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     ProblemResiduals prepared;
     observer.within("first solutions");
     add_series(problem, setup, prepared);
-    for (const std::string& lost : add_waveform(problem, setup, setup.start(), prepared.waveform))
-        observer.remark(lost);
+    // A later stage of waveforms begins where the one before it ends.
+    if (options.strategy.front().uses(ResidualType::waveform))
+        for (const std::string& line : add_waveform(problem, setup, setup.start(), prepared.waveform))
+            observer.remark(line);
     for (const std::string& lost : add_branch(problem, setup, setup.start(), prepared.branch))
         observer.remark(lost);
     const models::ParameterBinding& cycle_binding = searched_binding(problem, setup);

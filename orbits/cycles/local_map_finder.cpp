@@ -13,14 +13,12 @@
 #include "orbits/cycles/recurrence.hpp"
 #include "orbits/local_maps/cell_map.hpp"
 #include "orbits/local_maps/fit_choice.hpp"
+#include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 #include "orbits/sections/section_check.hpp"
 
 namespace orbid::orbits {
 namespace {
-
-// Points that a series must have ten times as many of, where the options say nothing.
-constexpr int default_neighbours = 32;
 
 // A neighbourhood of which a fit, the point itself left out, explains less than 91 % of the variance is no map:
 // shuffled points leave all of it, the clean pendulum less than 1e-6.

@@ -20,4 +20,7 @@ inline constexpr double rounding_variance = 1e-28;
 /// combination would look too good.
 inline constexpr double believed_correlation = 0.9;
 
+/// Points of a local fit where neither the job nor the data say how many; a search needs ten times as many.
+inline constexpr int default_neighbours = 32;
+
 }  // namespace orbid::orbits

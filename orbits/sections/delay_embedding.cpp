@@ -201,13 +201,16 @@ DelayEmbedding embed(const Series& samples, const DelayEmbeddingOptions& options
         }
     }
 
+    if (options.rise) embedding.dimension = std::max(embedding.dimension, 2);
     const SeriesCoordinate& observable = samples.coordinate(options.coordinate);
     embedding.series.sampling = Series::Sampling::samples;
     embedding.series.phase = samples.phase;
     embedding.series.origin = samples.origin;
     for (int d = 0; d < embedding.dimension; ++d)
         embedding.series.coordinates.push_back(
-            {d == 0 ? observable.name : fmt::format("{}_{}", observable.name, d), observable.unit, false});
+            {d == 0 ? observable.name
+                    : fmt::format("{}_{}", observable.name, options.rise && d == 1 ? "rise" : std::to_string(d)),
+             observable.unit, false});
     const Eigen::Index reach = static_cast<Eigen::Index>(embedding.delay) * (embedding.dimension - 1);
     for (const Segment& segment : samples.segments) {
         const Eigen::Index count = segment.values.cols() - reach;
@@ -217,6 +220,7 @@ DelayEmbedding embed(const Series& samples, const DelayEmbeddingOptions& options
         piece.values.resize(embedding.dimension, count);
         for (Eigen::Index d = 0; d < embedding.dimension; ++d)
             piece.values.row(d) = segment.values.row(options.coordinate).segment(d * embedding.delay, count);
+        if (options.rise) piece.values.row(1) = piece.values.row(1) - piece.values.row(0);
         piece.times = segment.times.head(count);
         embedding.series.segments.push_back(std::move(piece));
     }

@@ -17,6 +17,9 @@ struct DelayEmbeddingOptions {
     int dimension = 0;            ///< of the delay vectors; 0: by false neighbours
     int largest_delay = 1000;     ///< [samples], >= 1: largest tried
     int largest_dimension = 8;    ///< >= 1: largest tried
+    /// The second coordinate is x(t + delay) - x(t), "x_rise", in the place of x(t + delay): where it is 0 the
+    /// observable has an extremum. The vectors then have two coordinates or more.
+    bool rise = false;
 };
 
 /// States reconstructed from one observable.

@@ -17,7 +17,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double unknown_state = 0.3;  // sd of a start in ranges
-constexpr models::FlowOptions filter_flow{1e-8, 1e-8, 2000};
+// From one sample to the next: a state that needs more steps has been carried far away by a wrong guess of the errors.
+constexpr models::FlowOptions filter_flow{1e-8, 1e-8, 1000};
 constexpr std::size_t most_filter_steps = 200;  // of flows per sample, in the mean
 
 /// One reading that a filter has used, for the way back.

@@ -41,6 +41,11 @@ void take_default_columns(const Job& job, FileJob& file);
 /// What is known of a parameter of equations in the job.
 [[nodiscard]] const FieldTable<models::EquationText::Parameter>& equation_parameter_fields();
 [[nodiscard]] const FieldTable<OrbitsJob>& orbits_fields();
+/// "embedding" of orbits.
+[[nodiscard]] Field<OrbitsJob> embedding_field();
+/// Reports what vectors of delays have no use for.
+/// @param alone  `data` is a record of samples of an autonomous model, of which one coordinate is observed.
+void check_embedding(ObjectReader& object, const Job& job, const DataJob& data, bool alone, const OrbitsJob& orbits);
 [[nodiscard]] const FieldTable<PeriodicJob>& periodic_fields();
 /// A start of "orbits" of periodic.
 [[nodiscard]] const FieldTable<OrbitStart>& orbit_start_fields();

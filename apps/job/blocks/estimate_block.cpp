@@ -41,7 +41,42 @@ Field<EstimateJob> derived_field() {
             }};
 }
 
+/// Whether a period is to be told from a record, so that nothing is known of the motion but its readings.
+bool begins_at_records(const Job& job, const WaveformResidualJob& waveform) {
+    return job.model.is(models::Kind::autonomous) && !waveform.of_cycles &&
+           std::any_of(
+               waveform.experiments.begin(), waveform.experiments.end(),
+               [](const WaveformResidualJob::Experiment& one) { return one.time == 0.0 && one.start.size() == 0; });
+}
+
+/// The errors of waveforms, as a series with nodes has them.
+std::vector<ErrorJob> errors_at_nodes(const Job& job, const WaveformResidualJob& waveform) {
+    std::vector<ErrorJob> errors = waveform.errors;
+    for (const std::size_t index : waveform.data) {
+        const models::Sensor& sensor = job.data[index].sensor;
+        if (sensor.type != models::Sensor::Type::angle_difference) continue;
+        std::erase_if(errors,
+                      [&](const ErrorJob& one) { return one.coordinate == static_cast<Eigen::Index>(sensor.rate); });
+    }
+    for (ErrorJob& one : errors)
+        if (std::holds_alternative<estimator::AutoregressiveErrors>(one.distribution))
+            one.distribution = estimator::NormalErrors{};
+    return errors;
+}
+
 }  // namespace
+
+void add_waveform_start(const Job& job, EstimateJob& estimate) {
+    if (!estimate.waveform || estimate.residual_types().size() > 1 || !begins_at_records(job, *estimate.waveform))
+        return;
+    SeriesResidualJob series;
+    series.data = estimate.waveform->data;
+    series.errors = errors_at_nodes(job, *estimate.waveform);
+    series.interval = SeriesResidualJob::automatic_interval;
+    estimate.series = std::move(series);
+    estimate.strategy = {{StageJob::Kind::residuals, {ResidualType::series}},
+                         {StageJob::Kind::residuals, {ResidualType::waveform}}};
+}
 
 const FieldTable<EstimateJob>& estimate_fields() {
     static const FieldTable<EstimateJob> table = [] {
@@ -83,6 +118,7 @@ void read_estimate(ObjectReader& root, Job& job) {
     }
     read_fields(object, describe::estimate_fields(), estimate, job);
     object.finish();
+    if (!strategy) describe::add_waveform_start(job, estimate);
     job.estimate = std::move(estimate);
 }
 

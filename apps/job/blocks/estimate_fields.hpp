@@ -21,6 +21,9 @@ namespace orbid::apps::describe {
 /// What "auto" uses when no residuals are named: cycles if searched or given, and the data as series. Their problems
 /// are reported at `at`.
 void add_usual_residuals(const ValueReader& at, const Job& job, EstimateJob& estimate);
+/// Where the period of an autonomous model's waveforms is told from their records, and nothing else is estimated from:
+/// a series with nodes of the same readings, as a stage before. It leaves parameters and states near the motion.
+void add_waveform_start(const Job& job, EstimateJob& estimate);
 /// "strategy" and "scan", read after the residuals.
 void add_strategy_fields(FieldTable<EstimateJob>& table);
 /// "multi_start", "posterior", "profile" and "marginals", read after the parameters and residuals.

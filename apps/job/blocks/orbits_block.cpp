@@ -201,6 +201,7 @@ FieldTable<OrbitsJob> cycle_search_fields() {
         object_field<OrbitsJob>(
             key("partition", {}, "Names parts of the section, so that cycles get codes."), partition_fields(),
             [](auto& orbits) -> auto& { return orbits.search.partition; }),
+        embedding_field(),
         {key("invariants", boolean() | object(keys_of(invariants_fields())),
              "Exponents, dimensions and entropies of the series.")
              .by_default(false),
@@ -232,7 +233,7 @@ const FieldTable<OrbitsJob>& orbits_fields() {
 namespace {
 
 /// The first section series is searched; without one the first record of samples, cut by the job's section.
-void choose_series(const ObjectReader& object, const Job& job, OrbitsJob& orbits) {
+void choose_series(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
     const auto is = [](orbits::Series::Sampling sampling) {
         return [sampling](const DataJob& data) { return data.sampling() == sampling; };
     };
@@ -244,10 +245,19 @@ void choose_series(const ObjectReader& object, const Job& job, OrbitsJob& orbits
         return;
     }
     orbits.data = static_cast<std::size_t>(series - job.data.begin());
-    if (samples && job.model.is(models::Kind::autonomous) && !job.section_plane)
+    if (!samples && job.section_from_data)
+        object.self().report(
+            fmt::format("\"section\": \"auto\" is chosen by samples in time, but \"{}\" holds sections", series->name));
+    // One coordinate of an autonomous flow is embedded unless told otherwise.
+    const bool alone = samples && job.model.is(models::Kind::autonomous) && series->observe.size() == 1 &&
+                       job.model.system->dimension() > 1;
+    if (alone && !orbits.embedding) orbits.embedding.emplace();
+    if (orbits.embedding) describe::check_embedding(object, job, *series, alone, orbits);
+    if (samples && job.model.is(models::Kind::autonomous) && !job.section_plane && !job.section_from_data &&
+        !orbits.embedding)
         object.self().report(
             fmt::format("samples of {} are cut by a plane: needs \"section\": {{ \"coordinate\": ..., "
-                        "\"value\": ..., \"direction\": ... }}",
+                        "\"value\": ..., \"direction\": ... }} or \"auto\"",
                         job.model.name));
     if (samples && orbits.reading_sd.size() > 0)
         object.self().report(
@@ -257,7 +267,7 @@ void choose_series(const ObjectReader& object, const Job& job, OrbitsJob& orbits
         object.self().report(fmt::format("cycles read by a sensor \"function\": {}", not_in_this_version));
     if (std::any_of(series + 1, job.data.end(), is(series->sampling())))
         object.self().report(fmt::format("cycles of several series: {}", not_in_this_version));
-    if (job.model.system && series->observe.size() < job.model.system->coordinates().size())
+    if (job.model.system && !orbits.embedding && series->observe.size() < job.model.system->coordinates().size())
         object.self().report(fmt::format("needs every coordinate of the model, but \"{}\" observes {} of {}",
                                          series->name, series->observe.size(), job.model.system->coordinates().size()));
 }

@@ -55,8 +55,10 @@ const FieldTable<CyclesResidualJob>& cycles_fields() {
 void prepare_cycles(ObjectReader& object, const Job& job, CyclesResidualJob& cycles) {
     if (!job.orbits) object.self().report("needs \"orbits\": { ... }, a search for cycles or a file of them");
     if (job.model.is(models::Kind::autonomous))
-        object.self().report(
-            fmt::format("cycles of the model {}, which is autonomous: {}", job.model.name, not_in_this_version));
+        object.self().report(fmt::format(
+            "points of cycles of the model {}, which is autonomous: {}; its cycles are compared by {{ \"type\": "
+            "\"waveform\", \"of\": \"cycles\" }}",
+            job.model.name, not_in_this_version));
     if (job.orbits && !job.orbits->file) cycles.periods = job.orbits->search.periods;
 }
 

@@ -44,10 +44,11 @@ ValueSchema section_block() {
     std::vector<KeySchema> keys = keys_of(section_phase_fields());
     for (const KeySchema& one : keys_of(section_plane_fields()))
         keys.push_back(one);
-    return object(std::move(keys));
+    return choice({"auto"}) | object(std::move(keys));
 }
 
 nlohmann::ordered_json section_document(const Job& job) {
+    if (job.section_from_data) return "auto";
     if (job.section_plane) return fields_document(*job.section_plane, section_plane_fields(), {job});
     if (job.model.is(models::Kind::forced)) return fields_document(job, section_phase_fields(), {job});
     return left_out();
@@ -73,6 +74,13 @@ void read_plane(ObjectReader& section, Job& job) {
 void read_section(ObjectReader& root, Job& job) {
     const auto value = root.find("section");
     if (!value) return;
+    if (value->is(JsonValue::Kind::string)) {
+        (void)value->choice({"auto"});
+        if (job.model.system && !job.model.is(models::Kind::autonomous))
+            value->report(fmt::format("the model {} is not autonomous: no plane is chosen for it", job.model.name));
+        job.section_from_data = true;
+        return;
+    }
     ObjectReader section(*value);
     const auto phase = section.find("phase");
     const auto coordinate = section.find("coordinate");

@@ -104,11 +104,12 @@ void read_time(const ValueReader& value, const Job& job, Waveform& waveform) {
             fmt::format("the model {} is forced: its orbits last \"period\" periods of the forcing", job.model.name));
         return;
     }
-    const auto found = read_per_experiment(value, job, waveform.data, [&](const ValueReader& one, std::size_t i) {
-        waveform.experiments[i].time = one.number().value_or(1.0);
+    (void)read_per_experiment(value, job, waveform.data, [&](const ValueReader& one, std::size_t i) {
+        if (one.is(JsonValue::Kind::string))
+            (void)one.choice({"auto"});
+        else
+            waveform.experiments[i].time = one.number().value_or(1.0);
     });
-    for (std::size_t i = 0; i < found.size(); ++i)
-        if (!found[i]) value.report(fmt::format("\"{}\" has no guess of its period", job.data[waveform.data[i]].name));
 }
 
 void read_phase(const ValueReader& phase, const Job& job, Waveform& waveform) {
@@ -215,6 +216,12 @@ const FieldTable<Waveform>& waveform_fields() {
     static const FieldTable<Waveform> table = [] {
         FieldTable<Waveform> fields{
             experiments_field<Waveform>().with_rule(use_samples),
+            word_field(
+                key("of", {},
+                    "Autonomous models: the records themselves, or the cycles that \"orbits\" finds in one, whose "
+                    "errors are factors on those of the analysis."),
+                {{false, "records"}, {true, "cycles"}}, &Waveform::of_cycles)
+                .written_if([](const Waveform& waveform) { return waveform.of_cycles; }),
             {key("period", per_experiment(whole(1, longest_period)), "Forced models: in periods of the forcing.")
                  .by_default(1),
              read_waveform_period,
@@ -222,10 +229,16 @@ const FieldTable<Waveform>& waveform_fields() {
                  if (at.job.model.is(models::Kind::autonomous)) return left_out();
                  return per_experiment_document(waveform, at, [](const Experiment& one) -> Json { return one.period; });
              }},
-            {key("time", per_experiment(above(0.0)), "Autonomous models: a guess of the period.").in("s"), read_time,
+            {key("time", per_experiment(above(0.0) | choice({"auto"})),
+                 "Autonomous models: a guess of the period; \"auto\": told from the record.")
+                 .in("s")
+                 .by_default("auto"),
+             read_time,
              [](const Waveform& waveform, const Writing& at) {
                  if (!at.job.model.is(models::Kind::autonomous)) return left_out();
-                 return per_experiment_document(waveform, at, [](const Experiment& one) -> Json { return one.time; });
+                 return per_experiment_document(waveform, at, [](const Experiment& one) -> Json {
+                     return one.time > 0.0 ? Json(one.time) : Json("auto");
+                 });
              }},
             {key("phase", per_experiment(number() | choice({"estimate"})),
                  "Of the forcing at the time 0 of the record.")
@@ -270,12 +283,36 @@ void prepare_waveform(ObjectReader& object, const Job& job, Waveform& waveform) 
     if (waveform.data.empty()) object.self().report("needs sampled data: an entry of \"data\" with samples");
 }
 
+namespace {
+
+/// What waveforms of cycles need, and what they have no use for.
+void check_cycles(ObjectReader& object, const Job& job, Waveform& waveform) {
+    const auto of = object.find("of");
+    if (job.model.system && !job.model.is(models::Kind::autonomous))
+        of->report(
+            fmt::format("must be \"records\": the model {} is {}, whose cycles a residual of type cycles compares",
+                        job.model.name, job.model.is(models::Kind::map) ? "a map" : "forced"));
+    for (const char* name : {"period", "time", "phase", "offset", "start"})
+        if (const auto value = object.find(name))
+            value->report("belongs to records: a cycle begins and lasts as the search tells");
+    if (!job.orbits || job.orbits->file) {
+        of->report("needs \"orbits\": { ... }, a search for cycles in a record of samples");
+        return;
+    }
+    if (job.data[job.orbits->data].sampling() != Sampling::samples)
+        of->report(fmt::format("needs samples in time, but \"{}\" holds sections", job.data[job.orbits->data].name));
+    waveform.data = {job.orbits->data};
+    waveform.experiments.assign(1, {});
+    for (const Eigen::Index coordinate : job.data[job.orbits->data].observe)
+        if (job.model.coordinate(coordinate).angle)
+            of->report_later(fmt::format("the waveform of {}, which is an angle, along a cycle",
+                                         job.model.coordinate(coordinate).name));
+}
+
+}  // namespace
+
 void complete_waveform(ObjectReader& object, const Job& job, bool, Waveform& waveform) {
-    if (job.model.is(models::Kind::autonomous) && !object.find("time"))
-        object.self().report(
-            fmt::format("needs \"time\": a guess of the period in s; the model {} is autonomous and "
-                        "nothing else tells it",
-                        job.model.name));
+    if (waveform.of_cycles) check_cycles(object, job, waveform);
     ErrorUse use;
     use.records = ErrorUse::Records::series;
     use.data = waveform.data;

@@ -242,7 +242,7 @@ TEST_CASE("waveform residuals are refused where they cannot be meant", "[apps][w
       "data": { "name": "run1", "simulate": { "samples": { "step": 0.1, "count": 300 }, "transient": 400,
                 "initial": [[1.0, 0.0]], "noise": { "x": 0.01, "x_dot": 0.01 } } },
       "estimate": { "parameters": { "mu": { "start": 1.2 } }, "residuals": [ { "type": "waveform" } ] } })");
-    check_refused(json::object(), at + ": needs \"time\": a guess of the period in s", cycle);
+    check_refused({{"time", "soon"}}, at + "/time", cycle);
     check_refused({{"time", 6.6}, {"period", 1}}, at + "/period: the model van_der_pol is not forced", cycle);
     check_refused({{"time", -1.0}}, at + "/time", cycle);
     check_refused({{"time", 6.6}, {"phase", 0.0}}, at + "/phase: must be \"estimate\"", cycle);

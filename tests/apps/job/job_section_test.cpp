@@ -90,7 +90,7 @@ TEST_CASE("periodic orbits of autonomous flows, and estimates from their cycles,
     };
     check_only(with(R"("orbits": { "periods": [1] },
                        "estimate": { "parameters": {}, "residuals": [ { "type": "cycles" } ] })"),
-               "/estimate/residuals/0: cycles of the model lorenz, which is autonomous: not in this version");
+               "/estimate/residuals/0: points of cycles of the model lorenz, which is autonomous: not in this version");
     check_only(with(R"("orbits": { "partition": { "coordinate": "z", "boundaries": [0], "symbols": "AB" } })"),
                "/orbits/partition/coordinate: has the same value at all points of the section");
     check_only(with(R"("orbits": { "partition": { "coordinate": "x", "boundaries": [0, 0], "symbols": "ABC" } })"),
