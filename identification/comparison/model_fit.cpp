@@ -23,8 +23,7 @@ IdentificationProblem asking(IdentificationProblem problem, const Observer& obse
 
 }  // namespace
 
-ModelFit::ModelFit(const StageInput& input, IdentificationProblem problem, std::string name,
-                   SeriesStart nodes)
+ModelFit::ModelFit(const StageInput& input, IdentificationProblem problem, std::string name, SeriesStart nodes)
     : name_(std::move(name)),
       problem_(asking(std::move(problem), input.observer)),
       options_(plain_options(input.options)),

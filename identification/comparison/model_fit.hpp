@@ -16,8 +16,7 @@ public:
     /// @param input  of the present estimate: data, cycles, options.
     /// @param problem  may differ only in its model, parameters and matching; its name is told in details.
     /// @param nodes  of every series with nodes, see estimated_nodes(); without any: guessed.
-    ModelFit(const StageInput& input, IdentificationProblem problem, std::string name,
-             SeriesStart nodes);
+    ModelFit(const StageInput& input, IdentificationProblem problem, std::string name, SeriesStart nodes);
 
     /// One stage from the values of an estimate of (partly) the same parameters; nothing is harvested.
     [[nodiscard]] StageRun fit(const Stage& stage, const estimator::Estimate& from);

@@ -36,8 +36,8 @@ struct StageInput {
     estimator::EstimateOptions estimate;
     orbits::CycleSearch search;      ///< a harvest adds to it
     StartResults* starts = nullptr;  ///< report of several starts, if the options ask for them
-    SeriesStart nodes;          ///< intervals and nodes of series; without any they are searched for or guessed
-    bool kept = false;          ///< the observer keeps what stages come to, for a run that continues
+    SeriesStart nodes;               ///< intervals and nodes of series; without any they are searched for or guessed
+    bool kept = false;               ///< the observer keeps what stages come to, for a run that continues
     std::vector<FollowedStates> followed = {};  ///< states along the records, by the best stage so far
 };
 

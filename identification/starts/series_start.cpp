@@ -77,7 +77,6 @@ orbits::ShootingOptions shooting_options(const IdentificationProblem& problem, s
     return options;
 }
 
-
 /// One way to begin.
 struct Attempt {
     std::string name;
@@ -137,8 +136,8 @@ double misfit_of(const ProblemResiduals& residuals, const estimator::Estimate& e
             const bool link = g >= readings;
             const double size = link ? one.range()[static_cast<Eigen::Index>(g - readings)] : one.reading_range(g);
             const double rms = scale->rms / size;
-            sum += std::log(link ? std::max(rms / intervals, least) : rms) /
-                   static_cast<double>(link ? links : readings);
+            sum +=
+                std::log(link ? std::max(rms / intervals, least) : rms) / static_cast<double>(link ? links : readings);
         }
     }
     return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
@@ -230,10 +229,9 @@ public:
         start.theta = attempt.theta;
         start.follows = true;
         for (const std::size_t experiment : problem_.series->data)
-            start.intervals.push_back(
-                attempt.turns > 0.0
-                    ? static_cast<std::size_t>(interval_of_turns(problem_.experiments[experiment], attempt.turns))
-                    : *problem_.series->interval);
+            start.intervals.push_back(attempt.turns > 0.0 ? static_cast<std::size_t>(interval_of_turns(
+                                                                problem_.experiments[experiment], attempt.turns))
+                                                          : *problem_.series->interval);
         return from(attempt.name, start);
     }
 
@@ -272,8 +270,8 @@ private:
         result.misfit = misfit_of(residuals, found);
         result.start.follows = found.status != estimator::EstimateStatus::interrupted;
         for (std::size_t i = 0; i < residuals.shooting.size() && result.start.follows; ++i)
-            result.start.follows = !found.active[i].is_intermediate_stage &&
-                                   explains(problem_, i, *residuals.shooting[i], found);
+            result.start.follows =
+                !found.active[i].is_intermediate_stage && explains(problem_, i, *residuals.shooting[i], found);
         return result;
     }
 
@@ -416,7 +414,8 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     }
     if (!best && refused) throw *refused;
     SeriesStart start;
-    if (best && (best->start.follows || (anything_followed(problem) && std::isfinite(best->misfit)))) start = best->start;
+    if (best && (best->start.follows || (anything_followed(problem) && std::isfinite(best->misfit))))
+        start = best->start;
     if (start.theta.size() == 0) start.theta = starts(parameters);
     start.attempts = made;
     start.iterations = iterations;

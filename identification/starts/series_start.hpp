@@ -17,10 +17,10 @@ namespace orbid::identification {
 
 /// Where an estimate by multiple shooting begins.
 struct SeriesStart {
-    Eigen::VectorXd theta;                             ///< the estimator's vector
-    std::vector<std::size_t> intervals;                ///< by experiment of the series; empty: as the problem says
-    std::vector<std::vector<Eigen::MatrixXd>> nodes;   ///< by experiment and fitted segment; empty: guessed
-    std::vector<std::vector<double>> reading_sds;      ///< by experiment and group of readings; empty: unknown
+    Eigen::VectorXd theta;                            ///< the estimator's vector
+    std::vector<std::size_t> intervals;               ///< by experiment of the series; empty: as the problem says
+    std::vector<std::vector<Eigen::MatrixXd>> nodes;  ///< by experiment and fitted segment; empty: guessed
+    std::vector<std::vector<double>> reading_sds;     ///< by experiment and group of readings; empty: unknown
     bool follows = false;  ///< the model follows every record to within the errors of its readings: match exactly
     int attempts = 0;      ///< that were made
     int iterations = 0;
@@ -51,8 +51,8 @@ struct SeriesSearch {
 
 /// A start from which the model follows the records, if one is found.
 ///
-/// Attempts are estimates with exact matching, which begins loose and is tightened in stages, and with priors as wide as
-/// the starts are large, so that nothing runs off while matching is loose. The first one begins at the parameters'
+/// Attempts are estimates with exact matching, which begins loose and is tightened in stages, and with priors as wide
+/// as the starts are large, so that nothing runs off while matching is loose. The first one begins at the parameters'
 /// starts with the interval that they suggest. Others have intervals of an eighth and of a third of a turn. The rest
 /// begins at random parameters, drawn from these priors with half their sd, where hidden states are looked for anew.
 ///

@@ -156,7 +156,8 @@ public:
                                 : 0.0;
         for (Index k = 0; k < count; ++k)
             phases.push_back(first_phase + rate * static_cast<double>(k));
-        const auto read = record_.system.readings(record_.sensor, flow.states, phases, record_.theta, std::nullopt, rough);
+        const auto read =
+            record_.system.readings(record_.sensor, flow.states, phases, record_.theta, std::nullopt, rough);
         if (read.status != models::FlowStatus::ok) return best;
         const bool forced = record_.system.kind() == models::Kind::forced;
         for (Index offset = 0; offset + compared_ <= count; ++offset) {
@@ -225,8 +226,7 @@ MatrixXd columns(const std::vector<VectorXd>& list, Index rows) {
 
 }  // namespace
 
-FirstStates first_states(const FollowedRecord& record, const Segment& data, const VectorXd& first,
-                         const VectorXd& sd) {
+FirstStates first_states(const FollowedRecord& record, const Segment& data, const VectorXd& first, const VectorXd& sd) {
     constexpr int others = 24, improved = 12, finished = 4;
     constexpr int few_steps = 8, many_steps = 30;
     const Index n = record.system.dimension();

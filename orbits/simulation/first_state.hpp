@@ -16,8 +16,8 @@ struct FirstStates {
 
 /// First states of a record that says less than the state at each instant.
 ///
-/// Unread coordinates are looked for on courses of the model itself: from the state that initial_state() tells, and from
-/// 24 others whose unread coordinates are random, between a thirtieth and ten ranges of what is read. Where a
+/// Unread coordinates are looked for on courses of the model itself: from the state that initial_state() tells, and
+/// from 24 others whose unread coordinates are random, between a thirtieth and ten ranges of what is read. Where a
 /// course resembles the first readings most, its state is an analogue of the first one (Lorenz 1969). The analogues are
 /// improved by Levenberg and Marquardt, over as many samples as errors grow by a factor e, and put in the order of what
 /// they leave. No coordinate is 0 by default, so that none begins on an invariant plane.

@@ -91,7 +91,8 @@ public:
     /// Nothing can come of going on from here, after `samples`.
     [[nodiscard]] bool hopeless(Index samples) const {
         constexpr Index enough = 20;
-        return 10 * failed_ > samples + enough || steps_ > most_filter_steps * static_cast<std::size_t>(samples + enough);
+        return 10 * failed_ > samples + enough ||
+               steps_ > most_filter_steps * static_cast<std::size_t>(samples + enough);
     }
 
     void read(Index sample) {
