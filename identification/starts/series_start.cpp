@@ -92,11 +92,13 @@ struct Attempted {
 };
 
 /// Whether the residuals of the readings are those of independent errors, as large as readings scatter about a smooth
-/// course.
+/// course, and no two intervals are left apart.
 bool explains(const IdentificationProblem& problem, std::size_t place, const orbits::ShootingResidual& residual,
               const estimator::Estimate& estimate) {
     constexpr double most_excess = 1.25, least_correlation = 0.1, normal_limit = 5.0;
     const Experiment& data = problem.experiments[problem.series->data[place]];
+    if (residual.defect(estimate.active[place], estimated_theta(estimate), estimate.latents[place]).large > 0)
+        return false;
     const bool difference = data.sensor.type == models::Sensor::Type::angle_difference;
     for (const estimator::Group& group : residual.groups()) {
         const auto* scale = scale_of(estimate, group.name);

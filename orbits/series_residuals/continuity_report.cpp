@@ -50,7 +50,8 @@ ContinuityReport matching_report(const ShootingResidual& residual, const estimat
             "{} of {} intervals do not meet the next within three sds of the matching ({:.1f} expected): the "
             "model does not follow the record there, and intervals are too short",
             report.defect.large, report.defect.count, report.expected * count));
-    if (kind == Continuity::Kind::exact && report.noise > folding_readings)
+    const bool sampled = residual.series().sampling == Series::Sampling::samples;
+    if (kind == Continuity::Kind::exact && !sampled && report.noise > folding_readings)
         report.warnings.push_back(fmt::format(
             "readings err by {:.2g} % of the range: the posterior over the trajectory folds, and intervals may "
             "be too short",
