@@ -1,11 +1,13 @@
 #include "identification/stages/several_starts.hpp"
 
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include <fmt/format.h>
 
 #include "estimator/exploration/multi_start.hpp"
+#include "identification/starts/series_start.hpp"
 
 namespace orbid::identification {
 
@@ -39,6 +41,20 @@ void search_starts(StageInput& input, const ProblemResiduals& residuals,
     if (found.best_start < 0 || found.best.parameters.size() != parameters.size()) return;
     for (std::size_t i = 0; i < parameters.size(); ++i)
         parameters[i].start = found.best.parameters[i].value;
+}
+
+SeriesStart searched_series(StageInput& input, const std::vector<estimator::FreeParameter>& parameters) {
+    SeriesSearch search;
+    search.estimate = input.estimate;
+    search.log = [&](const std::string& line) { input.observer.detail(line); };
+    search.watched = [&](const std::string& name, const estimator::StepReport& report) {
+        input.observer.step(name, report);
+    };
+    search.reached = [&](const Eigen::VectorXd& theta) {
+        if (input.kept) input.observer.reached(theta, std::numeric_limits<double>::quiet_NaN());
+    };
+    input.observer.within("states at the nodes");
+    return search_series_start(input.problem, input.options, input.setup, parameters, search);
 }
 
 }  // namespace orbid::identification

@@ -12,4 +12,7 @@ namespace orbid::identification {
 void search_starts(StageInput& input, const ProblemResiduals& residuals,
                    std::vector<estimator::FreeParameter>& parameters);
 
+/// The search for a start of series with nodes, see search_series_start(), told to the observer.
+[[nodiscard]] SeriesStart searched_series(StageInput& input, const std::vector<estimator::FreeParameter>& parameters);
+
 }  // namespace orbid::identification

@@ -7,7 +7,7 @@
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/exploration/multi_start.hpp"
 #include "identification/starts/cycle_start.hpp"
-#include "identification/starts/series_start.hpp"
+#include "identification/starts/series_nodes.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
 namespace orbid::identification {

@@ -14,6 +14,7 @@
 #include "identification/stages/stage_value.hpp"
 #include "identification/starts/cycle_start.hpp"
 #include "identification/starts/prediction_start.hpp"
+#include "identification/starts/series_start.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -60,21 +61,6 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
     options.targets = targets;
     return std::make_unique<orbits::CycleResidual>(input.problem.system, input.cycle_binding, input.search.cycles,
                                                    input.problem.measured.section_phase, start, nodes, options);
-}
-
-/// The search for a start of series with nodes.
-SeriesStart searched_series(StageInput& input, const Parameters& parameters) {
-    SeriesSearch search;
-    search.estimate = input.estimate;
-    search.log = [&](const std::string& line) { input.observer.detail(line); };
-    search.watched = [&](const std::string& name, const estimator::StepReport& report) {
-        input.observer.step(name, report);
-    };
-    search.reached = [&](const Eigen::VectorXd& theta) {
-        if (input.kept) input.observer.reached(theta, std::numeric_limits<double>::quiet_NaN());
-    };
-    input.observer.within("states at the nodes");
-    return search_series_start(input.problem, input.options, input.setup, parameters, search);
 }
 
 /// The residuals of a stage; cycles and series with a start of their own move `parameters`.

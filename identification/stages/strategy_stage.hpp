@@ -10,7 +10,7 @@
 #include "identification/problem/identification_result.hpp"
 #include "identification/problem/observer.hpp"
 #include "identification/problem/problem_residuals.hpp"
-#include "identification/starts/series_start.hpp"
+#include "identification/starts/series_nodes.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
 namespace orbid::identification {

@@ -1,49 +1,13 @@
 #pragma once
 
-#include <cstddef>
-#include <functional>
-#include <optional>
-#include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "estimator/estimate/estimate.hpp"
 #include "identification/problem/estimate_setup.hpp"
 #include "identification/problem/identification_options.hpp"
-#include "identification/problem/problem_residuals.hpp"
+#include "identification/starts/series_attempt.hpp"
+#include "identification/starts/series_nodes.hpp"
 
 namespace orbid::identification {
-
-/// Where an estimate by multiple shooting begins.
-struct SeriesStart {
-    Eigen::VectorXd theta;                            ///< the estimator's vector
-    std::vector<std::size_t> intervals;               ///< by experiment of the series; empty: as the problem says
-    std::vector<std::vector<Eigen::MatrixXd>> nodes;  ///< by experiment and fitted segment; empty: guessed
-    std::vector<std::vector<double>> reading_sds;     ///< by experiment and group of readings; empty: unknown
-    bool follows = false;  ///< the model follows every record to within the errors of its readings: match exactly
-    int attempts = 0;      ///< that were made
-    int iterations = 0;
-    int evaluations = 0;
-};
-
-/// Intervals and nodes of an estimate.
-[[nodiscard]] SeriesStart nodes_at(const ProblemResiduals& residuals, const estimator::Estimate& estimate);
-
-/// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start.theta` unless it has
-/// them.
-/// @param flow  of the nodes; nothing: as accurate and as long as needed.
-/// @throws orbits::DataError when the data do not suffice, naming the experiment.
-void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
-                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow = std::nullopt);
-
-/// What a search for a start tells while it goes on. Anything may be empty.
-struct SeriesSearch {
-    estimator::EstimateOptions estimate;  ///< of the final estimate; attempts are rougher
-    std::function<void(const std::string& attempt, const estimator::StepReport& report)> watched{};
-    std::function<void(const std::string& line)> log{};
-    std::function<void(const Eigen::VectorXd& theta)> reached{};
-};
 
 /// Whether an estimate by multiple shooting is worth a search for its start: something is not read, or the data decide
 /// how closely nodes match.

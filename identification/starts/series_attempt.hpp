@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/estimate/estimate.hpp"
+#include "identification/problem/estimate_setup.hpp"
+#include "identification/problem/problem_residuals.hpp"
+#include "identification/starts/series_nodes.hpp"
+
+namespace orbid::identification {
+
+/// What a search for a start tells while it goes on. Anything may be empty.
+struct SeriesSearch {
+    estimator::EstimateOptions estimate;  ///< of the final estimate; attempts are rougher
+    std::function<void(const std::string& attempt, const estimator::StepReport& report)> watched{};
+    std::function<void(const std::string& line)> log{};
+    std::function<void(const Eigen::VectorXd& theta)> reached{};
+};
+
+/// What an attempt at a start of series with nodes has come to.
+struct SeriesAttempt {
+    SeriesStart start;  ///< `follows`: it explains the readings
+    estimator::Estimate estimate;
+    double misfit = std::numeric_limits<double>::infinity();  ///< what readings and links miss; less is better
+};
+
+/// Parameters with a normal prior about their start, where they have none; its sd is `width` times the start.
+[[nodiscard]] std::vector<estimator::FreeParameter> held_near(std::vector<estimator::FreeParameter> parameters,
+                                                              double width);
+
+/// Estimates with exact matching that show whether a start leads anywhere: rough, in few steps, and with priors half
+/// as wide as the starts of the parameters are large.
+class SeriesAttempts {
+public:
+    /// The arguments outlive the attempts.
+    SeriesAttempts(const IdentificationProblem& problem, const EstimateSetup& setup,
+                   const std::vector<estimator::FreeParameter>& parameters, const SeriesSearch& search)
+        : problem_(problem), setup_(setup), parameters_(parameters), search_(search) {}
+
+    /// @param start  with intervals, and nodes unless they are to be guessed.
+    /// @throws orbits::DataError when the data do not suffice.
+    [[nodiscard]] SeriesAttempt make(const std::string& name, const SeriesStart& start);
+
+    /// The same from its nodes with the signs of the starts, where those explain the readings as well: a sign that
+    /// nothing tells (l in l^2) is not to change.
+    [[nodiscard]] SeriesAttempt with_signs_of_start(SeriesAttempt found);
+
+private:
+    [[nodiscard]] std::ptrdiff_t changed_signs(const SeriesAttempt& one) const;
+    void go_on(std::vector<estimator::FreeParameter> near, ProblemResiduals& residuals,
+               const estimator::EstimateOptions& options, estimator::Estimate& estimate) const;
+    [[nodiscard]] std::vector<double> reading_sds(std::size_t place, const orbits::ShootingResidual& residual,
+                                                  const estimator::Estimate& estimate) const;
+
+    const IdentificationProblem& problem_;
+    const EstimateSetup& setup_;
+    const std::vector<estimator::FreeParameter>& parameters_;
+    const SeriesSearch& search_;
+    bool reached_ = false;  ///< an attempt has come to something
+};
+
+}  // namespace orbid::identification

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimator/estimate/estimate.hpp"
+#include "identification/problem/estimate_setup.hpp"
+#include "identification/problem/problem_residuals.hpp"
+
+namespace orbid::identification {
+
+/// Where an estimate by multiple shooting begins.
+struct SeriesStart {
+    Eigen::VectorXd theta;                            ///< the estimator's vector
+    std::vector<std::size_t> intervals;               ///< by experiment of the series; empty: as the problem says
+    std::vector<std::vector<Eigen::MatrixXd>> nodes;  ///< by experiment and fitted segment; empty: guessed
+    std::vector<std::vector<double>> reading_sds;     ///< by experiment and group of readings; empty: unknown
+    bool follows = false;  ///< the model follows every record to within the errors of its readings: match exactly
+    int attempts = 0;      ///< that were made
+    int iterations = 0;
+    int evaluations = 0;
+};
+
+/// Intervals and nodes of an estimate.
+[[nodiscard]] SeriesStart nodes_at(const ProblemResiduals& residuals, const estimator::Estimate& estimate);
+
+/// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start.theta` unless it has
+/// them.
+/// @param flow  of the nodes; nothing: as accurate and as long as needed.
+/// @throws orbits::DataError when the data do not suffice, naming the experiment.
+void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
+                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow = std::nullopt);
+
+}  // namespace orbid::identification
