@@ -12,6 +12,7 @@ std::vector<FollowedStates> followed_states(const StageRun& run) {
         const auto shooting = std::find_if(run.residuals.shooting.begin(), run.residuals.shooting.end(),
                                            [&](const auto& one) { return one.get() == list[r]; });
         if (shooting == run.residuals.shooting.end()) continue;
+        if ((*shooting)->series().sampling != orbits::Series::Sampling::samples) continue;
         const std::size_t experiment =
             run.residuals.shooting_experiments[static_cast<std::size_t>(shooting - run.residuals.shooting.begin())];
         const auto& nodes = (*shooting)->plan().nodes;

@@ -47,6 +47,7 @@ SeriesStart searched_series(StageInput& input, const std::vector<estimator::Free
     SeriesSearch search;
     search.estimate = input.estimate;
     search.log = [&](const std::string& line) { input.observer.detail(line); };
+    search.remark = [&](const std::string& line) { input.observer.remark(line); };
     search.watched = [&](const std::string& name, const estimator::StepReport& report) {
         input.observer.step(name, report);
     };

@@ -20,6 +20,7 @@ struct SeriesSearch {
     estimator::EstimateOptions estimate;  ///< of the final estimate; attempts are rougher
     std::function<void(const std::string& attempt, const estimator::StepReport& report)> watched{};
     std::function<void(const std::string& line)> log{};
+    std::function<void(const std::string& line)> remark{};
     std::function<void(const Eigen::VectorXd& theta)> reached{};
 };
 

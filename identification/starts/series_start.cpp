@@ -60,7 +60,9 @@ std::vector<Place> places(const IdentificationProblem& problem, const Options& o
         list.push_back({"an eighth of a turn", start, 0.125});
         list.push_back({"a third of a turn", start, 1.0 / 3.0});
     }
-    const std::size_t others = anything_hidden(problem) ? 12 : 6;
+    // A chosen interval is the user's word, and readings that tell states leave few other minima.
+    std::size_t others = anything_hidden(problem) ? 12 : 6;
+    if (chosen && !anything_followed(problem)) others = 0;
     const auto near = held_near(parameters, width);
     for (std::uint64_t k = 0; k < others; ++k) {
         const estimator::RandomStream random(options.seed, estimator::RandomPurpose::multi_start, k);
@@ -101,6 +103,10 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     SeriesAttempts run(problem, setup, parameters, search);
     std::optional<SeriesAttempt> best;
     std::optional<orbits::DataError> refused;
+    constexpr double same_misfit = 1e-4;
+    const auto has_converged = [](const SeriesAttempt& one) {
+        return one.estimate.status == estimator::EstimateStatus::converged;
+    };
     int made = 0, iterations = 0, evaluations = 0;
     for (const Place& place : list) {
         if (search.estimate.interrupted && search.estimate.interrupted()) break;
@@ -119,6 +125,10 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
             search.log(fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.4g}{}", made, place.name,
                                    estimator::name(one.estimate.status), one.estimate.iterations, one.misfit,
                                    one.start.follows ? ": explains the readings" : ""));
+        // Where two agree, the model misses something, and others would find the same.
+        const bool agree = best && !one.start.follows && has_converged(one) && has_converged(*best) &&
+                           std::abs(one.misfit - best->misfit) < same_misfit;
+        if (agree) break;
         if (best && !one.start.follows && !(one.misfit < best->misfit)) continue;
         best = one.start.follows ? run.with_signs_of_start(std::move(one)) : std::move(one);
         if (search.reached && std::isfinite(best->misfit)) search.reached(best->start.theta);
@@ -129,6 +139,12 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     if (best && (best->start.follows || (anything_followed(problem) && std::isfinite(best->misfit))))
         start = best->start;
     if (start.theta.size() == 0) start.theta = starts(parameters);
+    const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
+    if (!start.follows && !stopped && search.remark && anything_followed(problem))
+        search.remark(fmt::format(
+            "from {} starts the model follows no course that explains the readings by their errors alone: it misses "
+            "something, or none of these starts is near enough (\"start\" of parameters and of \"initial_state\")",
+            made));
     start.attempts = made;
     start.iterations = iterations;
     start.evaluations = evaluations;

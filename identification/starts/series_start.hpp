@@ -18,7 +18,8 @@ namespace orbid::identification {
 /// Attempts are estimates with exact matching, which begins loose and is tightened in stages, and with priors as wide
 /// as the starts are large, so that nothing runs off while matching is loose. The first one begins at the parameters'
 /// starts with the interval that they suggest. Others have intervals of an eighth and of a third of a turn. The rest
-/// begins at random parameters, drawn from these priors with half their sd, where hidden states are looked for anew.
+/// begins at random parameters, drawn from priors a little narrower, where hidden states are looked for anew. Two
+/// attempts that agree end the search.
 ///
 /// An attempt has succeeded when it converges and its residuals are those of the readings alone: as small as readings
 /// scatter about a smooth course, see orbits::reading_noise(), and uncorrelated in time. Its nodes and parameters are
