@@ -299,6 +299,7 @@ void check_cycles(ObjectReader& object, const Job& job, Waveform& waveform) {
         of->report("needs \"orbits\": { ... }, a search for cycles in a record of samples");
         return;
     }
+    if (job.orbits->data >= job.data.size()) return;  // has been told
     if (job.data[job.orbits->data].sampling() != Sampling::samples)
         of->report(fmt::format("needs samples in time, but \"{}\" holds sections", job.data[job.orbits->data].name));
     waveform.data = {job.orbits->data};

@@ -189,7 +189,10 @@ TEST_CASE("bounds and priors that exclude each other, starts outside", "[estimat
         parameter.start = start;
     };
     CHECK(refused([&](Parameter& b) { bounded(b, 0.0, 3.0, 1.0); }).empty());
-    for (const auto& [lower, upper] : {std::pair{1.0, 1.0}, {2.0, 1.0}, {nan_value, 1.0}, {0.0, nan_value}}) {
+    // A single value holds the parameter.
+    CHECK(refused([&](Parameter& b) { bounded(b, 1.0, 1.0, 1.0); }).empty());
+    CHECK_THAT(refused([&](Parameter& b) { bounded(b, 1.0, 1.0, 2.0); }), ContainsSubstring("\"b\""));
+    for (const auto& [lower, upper] : {std::pair{2.0, 1.0}, {nan_value, 1.0}, {0.0, nan_value}}) {
         const std::string message =
             refused([&, lower = lower, upper = upper](Parameter& b) { bounded(b, lower, upper, 1.0); });
         CAPTURE(lower, upper);
