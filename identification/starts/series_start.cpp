@@ -61,7 +61,7 @@ std::vector<Place> places(const IdentificationProblem& problem, const Options& o
         list.push_back({"a third of a turn", start, 1.0 / 3.0});
     }
     // A chosen interval is the user's word, and readings that tell states leave few other minima.
-    std::size_t others = anything_hidden(problem) ? 12 : 6;
+    std::size_t others = anything_followed(problem) ? 12 : 3;
     if (chosen && !anything_followed(problem)) others = 0;
     const auto near = held_near(parameters, width);
     for (std::uint64_t k = 0; k < others; ++k) {
