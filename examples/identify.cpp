@@ -43,6 +43,6 @@ int main(int argc, char** argv) {
     const auto result = identification::identify(problem);
     std::printf("%s\n", estimator::name(result.estimate.status).data());
     for (const auto& parameter : result.estimate.parameters)
-        std::printf("%s = %.3f, 95 %% within %.3f and %.3f\n", parameter.name.c_str(), parameter.value,
+        std::printf("%s = %.4f, 95 %% within %.4f and %.4f\n", parameter.name.c_str(), parameter.value,
                     parameter.lower95, parameter.upper95);
 }
