@@ -6,6 +6,7 @@
 #include "apps/job/blocks/estimate_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/data_job.hpp"
+#include "apps/job/orbits_job.hpp"
 
 namespace orbid::apps::describe {
 
