@@ -4,7 +4,7 @@
     bench/chaotic_systems.py build/release/bin/orbid FOLDER --case B --limit 60
 
 FOLDER holds systems.json (by name: truth, start, free, redundant, forced parameters) and records/NAME_CASE.json with
-its data. A system is solved where the exit code is 0 and every estimated parameter lies within four reported sds and
+its data. Case B2 is the first coordinate of the record of A2. A system is solved where the exit code is 0 and every estimated parameter lies within four reported sds and
 10 % of the truth. An answer is wrong where the exit code is 0 and one parameter lies beyond both. --far begins 100 %
 off (twice or half the truth). Times are those of the processor, with one thread a run.
 """
@@ -22,8 +22,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 
 def job_of(folder, name, case, system, far):
-    job = json.loads((folder / "records" / f"{name}_{case}.json").read_text())
-    job["data"]["file"] = str(folder / "records" / job["data"]["file"])
+    job = json.loads((folder / "records" / f"{name}_{case[0] if case == 'B2' else case}.json").read_text())
+    record = f"{name}_A2.csv" if case == "B2" else job["data"]["file"]
+    job["data"]["file"] = str(folder / "records" / record)
     for parameter, value in system["truth"].items():
         entry = job["estimate"]["parameters"].get(parameter)
         if far and entry is not None:
@@ -82,7 +83,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("program")
     arguments.add_argument("folder", type=pathlib.Path)
-    arguments.add_argument("--case", default="A1", choices=["A1", "A2", "B"])
+    arguments.add_argument("--case", default="A1", choices=["A1", "A2", "B", "B2"])
     arguments.add_argument("--limit", type=float, default=60.0, help="processor time of a run [s]")
     arguments.add_argument("--far", action="store_true", help="start at twice or half the truth")
     arguments.add_argument("--jobs", type=int, default=os.cpu_count())

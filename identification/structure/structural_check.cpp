@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <optional>
 
 #include <fmt/format.h>
@@ -34,11 +36,11 @@ std::string obstacle(const IdentificationProblem& problem, const EstimateSetup& 
     return {};
 }
 
-std::size_t finite_values(const orbits::Segment& segment, Eigen::Index row) {
-    std::size_t count = 0;
-    for (Eigen::Index k = 0; k < segment.values.cols(); ++k)
-        count += std::isfinite(segment.values(row, k)) ? 1 : 0;
-    return count;
+std::vector<double> finite_values(const orbits::Segment& segment, Eigen::Index row) {
+    std::vector<double> values;
+    std::copy_if(segment.values.row(row).begin(), segment.values.row(row).end(), std::back_inserter(values),
+                 [](double value) { return std::isfinite(value); });
+    return values;
 }
 
 /// What one draw of parameters says.
@@ -157,9 +159,10 @@ void StructuralCheck::refuse_uncoupled(const Draw& draw) const {
     }
 }
 
-/// Fewer readings than unknowns, in all series together.
+/// Fewer readings than unknowns, or nothing that changes, in all series together.
 void StructuralCheck::refuse_few(Eigen::Index held) const {
     std::size_t readings = 0, states = 0;
+    bool changes = false;
     std::vector<std::string_view> names;
     for (const std::size_t e : problem_.series->data) {
         const Experiment& data = problem_.experiments[e];
@@ -172,12 +175,20 @@ void StructuralCheck::refuse_few(Eigen::Index held) const {
         for (const std::size_t segment : data.fitted_segments()) {
             states += own;
             for (const Eigen::Index i : data.observe)
-                for (Eigen::Index row = 0; row < data.series->dimension(); ++row)
-                    if (data.series->coordinate(row).name == problem_.coordinate(i).name)
-                        readings += finite_values(data.series->segments[segment], row);
+                for (Eigen::Index row = 0; row < data.series->dimension(); ++row) {
+                    if (data.series->coordinate(row).name != problem_.coordinate(i).name) continue;
+                    const std::vector<double> values = finite_values(data.series->segments[segment], row);
+                    readings += values.size();
+                    changes = changes ||
+                              std::adjacent_find(values.begin(), values.end(), std::not_equal_to<>()) != values.end();
+                }
         }
     }
     const auto flat = static_cast<std::size_t>(std::count(shared_.known.begin(), shared_.known.end(), false) - held);
+    if (readings > flat + states && !changes)
+        throw orbits::DataError(fmt::format(
+            "{}: no reading differs from the one before: nothing moves, and nothing is determined; is this the column?",
+            fmt::join(names, ", ")));
     if (readings > flat + states) return;
     throw orbits::DataError(
         fmt::format("{}: too short: {} readings for {} free parameters and {} initial values; at least {} are needed",

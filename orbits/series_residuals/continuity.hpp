@@ -38,8 +38,8 @@ inline constexpr double exact_tightness = 2e-5;
 /// over ten series of 5000 sections at noise 5e-3 of the range: 3.0 at 0.2, 2.3 at 0.06, 3.2 at 0.02, 5.4 at 0.006. At
 /// noise 1e-3 (5000 sections) the ratios 2e-5 and 1e-2 put the length of one record 3.4 and 1.8 sds off.
 inline constexpr double noisy_tightness = 1e-2;
-/// The same for readings at times, where errors hardly grow from one reading to the next and nothing folds. Pooled
-/// coverage of 95 % intervals over 39 systems at noise 5 % of a coordinate's sd: 99.3 % at 1e-2, 96.7 % at 1e-3.
+/// The same for readings at times, where errors hardly grow from one reading to the next and nothing folds. Of 95 %
+/// intervals of chaotic systems at noise 5 % of a coordinate's sd cover 142 of 143 at 1e-2, 174 of 180 at 1e-3.
 inline constexpr double sampled_tightness = 1e-3;
 inline constexpr double noisy_readings = 5e-4;
 /// Errors of readings beyond which intervals may still be too short, and reports say so.

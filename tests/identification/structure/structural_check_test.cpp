@@ -253,6 +253,16 @@ TEST_CASE("a reading that depends on nothing is refused", "[identification][stru
     CHECK(report_of(problem).directions.size() == 1);
 }
 
+TEST_CASE("readings that do not change are refused", "[identification][structure]") {
+    IdentificationProblem problem = problem_of(lorenz("x"));
+    orbits::Series still = *problem.experiments[0].series;
+    still.segments[0].values = Eigen::MatrixXd::Constant(1, still.segments[0].times.size(), 3.0);
+    problem.experiments[0].series = std::make_shared<const orbits::Series>(still);
+    const IdentificationProblem whole = identification::completed(problem);
+    CHECK_THROWS_WITH(structural_report(whole, estimate_setup(whole, identification::fitted_labels(whole))),
+                      ContainsSubstring("run: no reading differs from the one before"));
+}
+
 TEST_CASE("fewer readings than unknowns are refused with both numbers", "[identification][structure]") {
     Setting setting = lorenz("x");
     setting.count = 6;
