@@ -176,6 +176,10 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     run.estimate = memory.estimate;
     run.estimate.iterations += memory.cycles.iterations + memory.series.iterations;
     run.estimate.evaluations += memory.cycles.evaluations + memory.series.evaluations;
+    if (memory.series.doubtful && run.estimate.status == EstimateStatus::converged) {
+        run.estimate.status = EstimateStatus::no_progress;
+        run.estimate.message += "; no start explains the readings by their errors, and no two lead to the same end";
+    }
     run.result.status = run.estimate.status;
     run.parameters = std::move(parameters);
     return run;

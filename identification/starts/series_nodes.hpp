@@ -19,6 +19,9 @@ struct SeriesStart {
     std::vector<std::vector<Eigen::MatrixXd>> nodes;  ///< by experiment and fitted segment; empty: guessed
     std::vector<std::vector<double>> reading_sds;     ///< by experiment and group of readings; empty: unknown
     bool follows = false;  ///< the model follows every record to within the errors of its readings: match exactly
+    /// Readings tell no states, no attempt explains them, and no two attempts have come to the same: the end of an
+    /// estimate from here is one of several.
+    bool doubtful = false;
     int attempts = 0;      ///< that were made
     int iterations = 0;
     int evaluations = 0;

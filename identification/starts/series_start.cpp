@@ -84,6 +84,19 @@ SeriesStart start_at(const IdentificationProblem& problem, const Place& place) {
     return start;
 }
 
+std::string told(int number, const Place& place, const SeriesAttempt& one) {
+    return fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.4g}{}", number, place.name,
+                       estimator::name(one.estimate.status), one.estimate.iterations, one.misfit,
+                       one.start.follows ? ": explains the readings" : "");
+}
+
+std::string unexplained(int attempts) {
+    return fmt::format(
+        "from {} starts the model follows no course that explains the readings by their errors alone: it misses "
+        "something, or none of these starts is near enough (\"start\" of parameters and of \"initial_state\")",
+        attempts);
+}
+
 }  // namespace
 
 bool needs_search(const IdentificationProblem& problem) {
@@ -107,27 +120,31 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     const auto has_converged = [](const SeriesAttempt& one) {
         return one.estimate.status == estimator::EstimateStatus::converged;
     };
+    using Begun = std::pair<Eigen::VectorXd, std::vector<std::size_t>>;
+    std::vector<Begun> begun;  // parameters, and intervals as they were chosen
+    bool agree = false;
     int made = 0, iterations = 0, evaluations = 0;
     for (const Place& place : list) {
         if (search.estimate.interrupted && search.estimate.interrupted()) break;
+        const SeriesStart start = start_at(problem, place);
+        // What errors suggested may have been an eighth of a turn.
+        if (std::find(begun.begin(), begun.end(), Begun{start.theta, start.intervals}) != begun.end()) continue;
         ++made;
         SeriesAttempt one;
         try {
-            one = run.make(place.name, start_at(problem, place));
+            one = run.make(place.name, start);
         } catch (const orbits::DataError& error) {
             if (!refused) refused = error;
             if (search.log) search.log(fmt::format("attempt {} ({}): {}", made, place.name, error.what()));
             continue;
         }
+        begun.emplace_back(place.theta, one.start.intervals);
         iterations += one.estimate.iterations;
         evaluations += one.estimate.evaluations;
-        if (search.log)
-            search.log(fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.4g}{}", made, place.name,
-                                   estimator::name(one.estimate.status), one.estimate.iterations, one.misfit,
-                                   one.start.follows ? ": explains the readings" : ""));
+        if (search.log) search.log(told(made, place, one));
         // Where two agree, the model misses something, and others would find the same.
-        const bool agree = best && !one.start.follows && has_converged(one) && has_converged(*best) &&
-                           std::abs(one.misfit - best->misfit) < same_misfit;
+        agree = best && !one.start.follows && has_converged(one) && has_converged(*best) &&
+                std::abs(one.misfit - best->misfit) < same_misfit;
         if (agree) break;
         if (best && !one.start.follows && !(one.misfit < best->misfit)) continue;
         best = one.start.follows ? run.with_signs_of_start(std::move(one)) : std::move(one);
@@ -140,11 +157,8 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
         start = best->start;
     if (start.theta.size() == 0) start.theta = starts(parameters);
     const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
-    if (!start.follows && !stopped && search.remark && anything_followed(problem))
-        search.remark(fmt::format(
-            "from {} starts the model follows no course that explains the readings by their errors alone: it misses "
-            "something, or none of these starts is near enough (\"start\" of parameters and of \"initial_state\")",
-            made));
+    start.doubtful = !start.follows && !stopped && !agree && anything_followed(problem);
+    if (!start.follows && !stopped && search.remark && anything_followed(problem)) search.remark(unexplained(made));
     start.attempts = made;
     start.iterations = iterations;
     start.evaluations = evaluations;
