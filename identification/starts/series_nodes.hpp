@@ -22,7 +22,7 @@ struct SeriesStart {
     /// Readings tell no states, no attempt explains them, and no two attempts have come to the same: the end of an
     /// estimate from here is one of several.
     bool doubtful = false;
-    int attempts = 0;      ///< that were made
+    int attempts = 0;  ///< that were made
     int iterations = 0;
     int evaluations = 0;
 };
