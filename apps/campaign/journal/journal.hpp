@@ -1,0 +1,99 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "apps/campaign/journal/task_outcome.hpp"
+
+namespace orbid::apps {
+
+/// One thing that varies between tasks.
+struct VariedColumn {
+    std::string name;     ///< column in tables: unique among them
+    std::string pointer;  ///< JSON Pointer into the job; empty: not a value of the job (its file, a replicate's number)
+};
+
+/// What a journal says of its campaign.
+struct JournalHead {
+    std::string title;
+    std::string kind;
+    std::string document;  ///< the campaign's JSON with all defaults, as text
+    std::string key;       ///< SHA-256 of what decides the tasks and their results, in hexadecimal digits
+    std::string version;   ///< of the program that made it
+    double created = 0;    ///< Unix time, in s
+    std::int64_t tasks = 0;
+    std::vector<VariedColumn> varied;
+};
+
+struct JournalCounts {
+    std::int64_t waiting = 0;
+    std::int64_t done = 0;
+    std::int64_t failed = 0;
+    double seconds = 0;            ///< of all tasks that ended, summed
+    double processor_seconds = 0;  ///< likewise
+};
+
+/// A journal that cannot be used: not a journal, damaged, of another campaign, in use; what() says which and what to
+/// do.
+class JournalError : public std::runtime_error {
+public:
+    using std::runtime_error::runtime_error;
+};
+
+/// The journal of a campaign: a file of SQLite, one writer at a time, any number of readers beside it. Every call that
+/// writes is one transaction: a process killed at any time leaves what was written before it. The tables are documented
+/// in docs/campaigns.md.
+class Journal {
+public:
+    enum class Access { read, write };
+
+    /// A new journal; the file must not exist.
+    /// @throws JournalError when it cannot be made.
+    [[nodiscard]] static Journal create(const std::filesystem::path& file, const JournalHead& head);
+    /// @throws JournalError when the file is not a whole journal, or, for writing, another process writes it.
+    [[nodiscard]] static Journal open(const std::filesystem::path& file, Access access);
+
+    Journal(Journal&&) noexcept;
+    Journal& operator=(Journal&&) noexcept;
+    ~Journal();
+
+    [[nodiscard]] const JournalHead& head() const;
+    [[nodiscard]] JournalCounts counts() const;
+
+    /// Adds tasks as waiting ones.
+    void add_tasks(std::span<const TaskPlan> tasks);
+    /// Tasks there are, however they stand: less than head().tasks when the adding was interrupted.
+    [[nodiscard]] std::int64_t added() const;
+    /// Numbers of waiting tasks, ascending.
+    [[nodiscard]] std::vector<std::int64_t> waiting() const;
+    /// Stores outcomes, each in place of an earlier one of its task; attempts are counted.
+    void store(std::span<const TaskOutcome> outcomes);
+    /// Failed tasks wait again; their attempts and last message stay until they have run.
+    /// @param status  only those of this status; empty: all.
+    /// @return how many.
+    std::int64_t retry(const std::string& status = {});
+
+    /// A task and, if it ended, its outcome.
+    struct Row {
+        TaskPlan plan;
+        TaskOutcome outcome;  ///< state waiting: nothing else of it is meaningful
+        int attempts = 0;
+    };
+    /// All tasks in order, results left out (`outcome.result` is empty), one after the other.
+    void each_row(const std::function<void(const Row&)>& use) const;
+    /// result.json of a task; empty: none.
+    [[nodiscard]] std::string result(std::int64_t number) const;
+
+private:
+    class Database;
+    explicit Journal(std::unique_ptr<Database> database);
+    std::unique_ptr<Database> database_;
+};
+
+}  // namespace orbid::apps
