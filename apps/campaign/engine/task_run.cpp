@@ -67,6 +67,30 @@ std::string last_line(std::string text) {
     return before == std::string::npos ? text : text.substr(before + 1);
 }
 
+bool has_recorded_data(const std::string& text, const std::filesystem::path& source) {
+    const JobReading reading = read_job(text, source);
+    return reading.job && std::any_of(reading.job->data.begin(), reading.job->data.end(),
+                                      [](const DataJob& data) { return data.file.has_value(); });
+}
+
+/// Removes a folder with all that is in it.
+class RemovedFolder {
+public:
+    explicit RemovedFolder(std::filesystem::path folder) : folder_(std::move(folder)) {
+        std::filesystem::create_directories(folder_);
+    }
+    ~RemovedFolder() {
+        std::error_code ignored;
+        std::filesystem::remove_all(folder_, ignored);
+    }
+    RemovedFolder(const RemovedFolder&) = delete;
+    RemovedFolder& operator=(const RemovedFolder&) = delete;
+    [[nodiscard]] const std::filesystem::path& path() const { return folder_; }
+
+private:
+    std::filesystem::path folder_;
+};
+
 void fail(TaskOutcome& outcome, std::string status, std::string message) {
     outcome.state = TaskState::failed;
     outcome.status = std::move(status);
@@ -119,10 +143,20 @@ TaskWork::TaskWork(const CampaignTasks& tasks, const TaskRunner& runner, int ran
     : tasks_(tasks), runner_(runner), rank_(rank) {
     std::array<char, 256> name{};
     if (::gethostname(name.data(), name.size() - 1) == 0) host_ = name.data();
+    const std::filesystem::path& source = tasks.campaign().jobs.front().source;
+    if (tasks.campaign().resampled && has_recorded_data(tasks.job_text(0), source))
+        resampled_.emplace(source.parent_path());
 }
 
-TaskRun TaskWork::attempt(const std::string& job, std::int64_t number, const std::function<bool()>& stopped) const {
-    return runner_(job, tasks_.base(number).source, stopped);
+TaskRun TaskWork::run_resampled(const std::string& job, std::int64_t number,
+                                const std::function<bool()>& stopped) const {
+    // A folder of its own, under a name that the task alone has: what is stored of it then says the same everywhere.
+    const RemovedFolder folder(std::filesystem::temp_directory_path() /
+                               ("orbid-" + tasks_.plan(number).key.substr(0, 32)));
+    Json document = Json::parse(job);
+    resampled_->put_into(document, tasks_.campaign().seed + static_cast<std::uint64_t>(tasks_.replicate(number)),
+                         folder.path());
+    return runner_(document.dump(2), tasks_.base(number).source, stopped);
 }
 
 TaskOutcome TaskWork::run(std::int64_t number, const std::function<bool()>& stopped) const {
@@ -141,11 +175,13 @@ TaskOutcome TaskWork::run(std::int64_t number, const std::function<bool()>& stop
     std::vector<KnownValue> known;
     try {
         const std::string job = tasks_.job_text(number);
-        const TaskRun run = attempt(job, number, [&] {
+        const std::function<bool()> asked = [&] {
             late = late || (limit > 0.0 && elapsed() > limit);
             campaign_stopped = campaign_stopped || stopped();
             return late || campaign_stopped;
-        });
+        };
+        const TaskRun run =
+            resampled_ ? run_resampled(job, number, asked) : runner_(job, tasks_.base(number).source, asked);
         outcome.exit_code = run.exit_code;
         if (!run.result.empty()) take_result(run.result, outcome);
         known = tasks_.known(number);

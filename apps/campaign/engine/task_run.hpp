@@ -3,9 +3,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "apps/campaign/engine/resampled_data.hpp"
 #include "apps/campaign/journal/task_outcome.hpp"
 #include "apps/campaign/plan/campaign_tasks.hpp"
 
@@ -29,19 +31,21 @@ using TaskRunner = std::function<TaskRun(const std::string& text, const std::fil
 class TaskWork {
 public:
     /// @param rank  noted with each outcome.
+    /// @throws std::runtime_error when data are to be drawn anew from a run that has no residuals.
     TaskWork(const CampaignTasks& tasks, const TaskRunner& runner, int rank);
 
     /// @param stopped  the campaign is to stop: the outcome's state is then `waiting`, and nothing else of it counts.
     [[nodiscard]] TaskOutcome run(std::int64_t number, const std::function<bool()>& stopped) const;
 
 private:
-    [[nodiscard]] TaskRun attempt(const std::string& job, std::int64_t number,
-                                  const std::function<bool()>& stopped) const;
+    [[nodiscard]] TaskRun run_resampled(const std::string& job, std::int64_t number,
+                                        const std::function<bool()>& stopped) const;
 
     const CampaignTasks& tasks_;
     const TaskRunner& runner_;
     int rank_;
     std::string host_;
+    std::optional<ResampledData> resampled_;
 };
 
 /// What result.json says, put into an outcome.

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "apps/campaign/plan/campaign_file.hpp"
+#include "apps/campaign/plan/campaign_tasks.hpp"
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/file_pattern.hpp"
 #include "apps/job/blocks/field_kinds.hpp"
@@ -43,6 +44,26 @@ void read_jobs(const ValueReader& value, const Job& place, CampaignText& text) {
         text.campaign.jobs.push_back({path.stem().string(), read_whole_file(path), path});
 }
 
+/// Data are drawn at the estimates of a run: these are the truth, and what simulated data are made by.
+void take_estimates(const Json& result, Json& job, Campaign& campaign) {
+    for (const auto& [name, estimate] : result["parameters"].items()) {
+        if (!estimate.value("value", Json()).is_number()) continue;
+        campaign.known.emplace_back("", KnownValue{name, estimate["value"].get<double>()});
+        if (job["model"]["parameters"].contains(name))
+            set_value(job, child_pointer("/model/parameters", name), estimate["value"]);
+    }
+    // Noise of simulated readings: series.x is that of the coordinate x.
+    Json& data = job["data"];
+    if (data.is_array() && data.size() != 1) return;
+    Json& one = data.is_array() ? data.front() : data;
+    if (!one.contains("simulate") || !one["simulate"].contains("noise")) return;
+    for (const auto& [group, scale] : result.value("errors", Json::object()).items()) {
+        const std::string coordinate = group.substr(group.find('.') + 1);
+        if (group.starts_with("series.") && one["simulate"]["noise"].contains(coordinate))
+            one["simulate"]["noise"][coordinate] = scale.value("sd", Json());
+    }
+}
+
 /// The folder of a finished run: its job.json.
 void read_run(const ValueReader& value, const Job& place, CampaignText& text) {
     const auto folder = value.text();
@@ -51,7 +72,12 @@ void read_run(const ValueReader& value, const Job& place, CampaignText& text) {
     for (const char* file : {"job.json", "result.json"})
         if (!std::filesystem::is_regular_file(path / file))
             return value.report_data(fmt::format("\"{}\" is no finished run: it has no {}", path.string(), file));
-    text.campaign.jobs.push_back({"", read_whole_file(path / "job.json"), path / "job.json"});
+    Json job = Json::parse(read_whole_file(path / "job.json"), nullptr, false);
+    const Json result = Json::parse(read_whole_file(path / "result.json"), nullptr, false);
+    if (!job.is_object() || !result.is_object() || result.value("parameters", Json::object()).empty())
+        return value.report_data(fmt::format("\"{}\" is no run that has estimated parameters", path.string()));
+    take_estimates(result, job, text.campaign);
+    text.campaign.jobs.push_back({"", job.dump(2), path / "job.json"});
     text.campaign.resampled = true;
 }
 
