@@ -1,6 +1,5 @@
 #include "estimator/ranks/thread_ranks.hpp"
 
-#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -20,15 +19,8 @@ public:
     [[nodiscard]] std::optional<RankMessage> receive(int from, std::chrono::milliseconds patience) override {
         Inbox& inbox = *all_.inboxes_[static_cast<std::size_t>(rank_)];
         std::unique_lock lock(inbox.mutex);
-        const auto wanted = [&inbox, from] {
-            return std::find_if(inbox.messages.begin(), inbox.messages.end(),
-                                [from](const RankMessage& each) { return from == any || each.from == from; });
-        };
-        if (!inbox.arrived.wait_for(lock, patience, [&] { return wanted() != inbox.messages.end(); }))
-            return std::nullopt;
-        const auto found = wanted();
-        RankMessage message = std::move(*found);
-        inbox.messages.erase(found);
+        std::optional<RankMessage> message;
+        inbox.arrived.wait_for(lock, patience, [&] { return (message = inbox.messages.take(from)).has_value(); });
         return message;
     }
 
@@ -56,7 +48,7 @@ void ThreadRanks::put(int to, RankMessage message) {
     Inbox& inbox = *inboxes_[static_cast<std::size_t>(to)];
     {
         const std::lock_guard lock(inbox.mutex);
-        inbox.messages.push_back(std::move(message));
+        inbox.messages.put(std::move(message));
     }
     inbox.arrived.notify_all();
 }

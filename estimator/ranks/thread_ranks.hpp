@@ -1,13 +1,11 @@
 #pragma once
 
 #include <condition_variable>
-#include <deque>
 #include <memory>
 #include <mutex>
-#include <optional>
-#include <span>
 #include <vector>
 
+#include "estimator/ranks/rank_inbox.hpp"
 #include "estimator/ranks/ranks.hpp"
 
 namespace orbid::estimator {
@@ -23,11 +21,10 @@ public:
     void end(int rank);
 
 private:
-    /// Messages to one rank, in the order they came.
     struct Inbox {
         std::mutex mutex;
         std::condition_variable arrived;
-        std::deque<RankMessage> messages;
+        RankInbox messages;
     };
     class OneRank;
 
