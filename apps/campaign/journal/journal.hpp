@@ -19,6 +19,7 @@ class SqliteFile;
 struct VariedColumn {
     std::string name;     ///< column in tables: unique among them
     std::string pointer;  ///< JSON Pointer into the job; empty: not a value of the job (its file, a replicate's number)
+    bool replicate = false;  ///< differs between replicates of the same setting: a seed, a value drawn anew
 };
 
 /// What a journal says of its campaign.
