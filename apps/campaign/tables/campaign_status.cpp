@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <tuple>
+#include <unordered_map>
 
 #include <fmt/format.h>
 
@@ -35,30 +36,44 @@ std::string duration_words(double seconds) {
     return fmt::format("{:.1f} days", seconds / 86400);
 }
 
-/// Equal messages are counted by SQL, those that differ by numbers and names here.
-std::vector<FailureReason> failure_reasons(const SqliteFile& file) {
-    std::map<std::tuple<TaskState, std::string, std::string>, FailureReason> reasons;
-    Statement rows(file,
-                   "SELECT state, status, message, count(*), min(task) FROM outcome WHERE state = 'failed' OR "
-                   "(state = 'done' AND exit_code <> 0) GROUP BY state, status, message");
-    while (rows.step()) {
-        FailureReason one{state_from_name(rows.bytes(0)), rows.text(1), rows.text(2), rows.integer(3), rows.integer(4)};
-        const auto [found, added] = reasons.try_emplace({one.state, one.status, message_pattern(one.message)}, one);
-        if (added) continue;
-        FailureReason& known = found->second;
-        known.count += one.count;
-        if (one.first < known.first) {
-            known.first = one.first;
-            known.message = one.message;
+/// Gathers reasons, a task at a time.
+class FailureReasons {
+public:
+    void add(TaskState state, std::string_view status, std::string_view message, std::int64_t task) {
+        // Mostly the messages of a campaign are few: those that were seen need no pattern.
+        key_.assign(state_name(state)).append("\n").append(status).append("\n").append(message);
+        auto known = numbers_.find(key_);
+        if (known == numbers_.end()) {
+            const auto [place, added] = patterns_.try_emplace(
+                {state, std::string(status), message_pattern(std::string(message))}, list_.size());
+            if (added) list_.push_back({state, std::string(status), std::string(message), 0, task});
+            if (numbers_.size() < most_known) numbers_.emplace(key_, place->second);
+            ++list_[place->second].count;
+        } else {
+            ++list_[known->second].count;
         }
     }
-    std::vector<FailureReason> out;
-    for (auto& [key, reason] : reasons)
-        out.push_back(std::move(reason));
-    std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) {
-        return std::make_pair(-a.count, a.first) < std::make_pair(-b.count, b.first);
-    });
-    return out;
+    /// The most frequent first.
+    [[nodiscard]] std::vector<FailureReason> sorted() && {
+        std::sort(list_.begin(), list_.end(), [](const auto& a, const auto& b) {
+            return std::make_pair(-a.count, a.first) < std::make_pair(-b.count, b.first);
+        });
+        return std::move(list_);
+    }
+
+private:
+    static constexpr std::size_t most_known = 10000;
+    std::string key_;
+    std::unordered_map<std::string, std::size_t> numbers_;
+    std::map<std::tuple<TaskState, std::string, std::string>, std::size_t> patterns_;
+    std::vector<FailureReason> list_;
+};
+
+/// The entry of a state and a status, of which there are few.
+CampaignStatus::Status& entry_of(std::vector<CampaignStatus::Status>& list, TaskState state, std::string_view status) {
+    for (auto& one : list)
+        if (one.state == state && one.status == status) return one;
+    return list.emplace_back(CampaignStatus::Status{state, std::string(status), 0});
 }
 
 }  // namespace
@@ -85,28 +100,36 @@ std::string message_pattern(const std::string& message) {
 }
 
 CampaignStatus campaign_status(const Journal& journal) {
-    const SqliteFile& file = journal.database();
     CampaignStatus out;
-    out.counts = journal.counts();
-    Statement statuses(file,
-                       "SELECT state, status, count(*), min(started), max(started + seconds), "
-                       "sum(CASE WHEN exit_code = 0 THEN intervals END), sum(CASE WHEN exit_code = 0 THEN covered END) "
-                       "FROM outcome WHERE state <> 'waiting' GROUP BY state, status");
     out.first_start = std::nan("");
     out.last_end = std::nan("");
-    while (statuses.step()) {
-        const TaskState state = state_from_name(statuses.bytes(0));
-        out.statuses.push_back({state, statuses.text(1), statuses.integer(2)});
-        out.first_start = std::fmin(out.first_start, statuses.real(3));
-        out.last_end = std::fmax(out.last_end, statuses.real(4));
-        if (state != TaskState::done) continue;
-        out.intervals += statuses.integer(5);
-        out.covered += statuses.integer(6);
+    FailureReasons reasons;
+    // One scan in the order of tasks: grouping by SQL would sort all of them.
+    Statement rows(journal.database(),
+                   "SELECT state, status, exit_code, started, seconds, processor_seconds, intervals, covered, task, "
+                   "CASE WHEN exit_code <> 0 OR state = 'failed' THEN message END FROM outcome WHERE state <> "
+                   "'waiting' ORDER BY task");
+    while (rows.step()) {
+        const TaskState state = state_from_name(rows.bytes(0));
+        const bool valid = state == TaskState::done && rows.integer(2) == 0;
+        ++entry_of(out.statuses, state, rows.bytes(1)).count;
+        ++(state == TaskState::done ? out.counts.done : out.counts.failed);
+        out.counts.seconds += rows.real(4);
+        out.counts.processor_seconds += rows.real(5);
+        out.first_start = std::fmin(out.first_start, rows.real(3));
+        out.last_end = std::fmax(out.last_end, rows.real(3) + rows.real(4));
+        if (valid) {
+            out.intervals += rows.integer(6);
+            out.covered += rows.integer(7);
+        } else {
+            reasons.add(state, rows.bytes(1), rows.bytes(9), rows.integer(8));
+        }
     }
+    out.counts.waiting = journal.head().tasks - out.counts.done - out.counts.failed;
     std::sort(out.statuses.begin(), out.statuses.end(), [](const auto& a, const auto& b) {
         return std::tie(b.count, a.state, a.status) < std::tie(a.count, b.state, b.status);
     });
-    out.reasons = failure_reasons(file);
+    out.reasons = std::move(reasons).sorted();
     return out;
 }
 
