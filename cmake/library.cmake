@@ -24,7 +24,8 @@ function(add_rooms_library target level)
     OUTPUT_NAME orbid EXPORT_NAME orbid LINKER_LANGUAGE CXX
     VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
   target_link_libraries(${target} PRIVATE
-    fmt::fmt TBB::tbb Boost::program_options OpenSSL::Crypto ${CMAKE_DL_LIBS} orbid_warnings)
+    fmt::fmt TBB::tbb Boost::program_options OpenSSL::Crypto SQLite::SQLite3 ZLIB::ZLIB ${CMAKE_DL_LIBS}
+    orbid_warnings)
   target_link_options(${target} PRIVATE LINKER:--no-undefined LINKER:--as-needed)
 endfunction()
 

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "apps/program/colour.hpp"
+#include "apps/program/command_campaign.hpp"
 #include "apps/program/command_completion.hpp"
 #include "apps/program/command_help.hpp"
 #include "apps/program/command_model.hpp"
@@ -67,6 +68,22 @@ std::vector<Command> job_commands() {
                 {{"orbid new parametric_pendulum cycles > job.json", ""},
                  {"orbid new equations series > job.json", "a model written in the job itself"}},
                 show_starting_job}};
+}
+
+std::vector<Command> campaign_commands() {
+    return {Command{"campaign",
+                    "many runs that differ by what a campaign says: one journal, resumable, on all cores or a cluster",
+                    {{"CAMPAIGN.json", WordKind::file}, {"DIR", WordKind::folder, true}},
+                    {{"out", "DIR", "folder of the journal (default: the campaign's path without .json)",
+                      WordKind::folder},
+                     {"threads", "N", "tasks at the same time (default 0: one per core)", WordKind::number},
+                     {"engine", "NAME", "who computes (default auto: ranks of MPI, else processes)", WordKind::choice,
+                      engine_choices},
+                     {"quiet", "", "no progress on standard error"},
+                     {"progress", "SECONDS", "without a terminal: time between two lines (default 10)",
+                      WordKind::number}},
+                    {{"orbid campaign coverage.json --out out", "out/campaign.sqlite; the same command goes on"}},
+                    run_campaign_command}};
 }
 
 std::vector<Command> result_commands() {
@@ -165,7 +182,7 @@ std::vector<CommandOption> all_options(const Command& command) {
 const std::vector<Command>& command_table() {
     static const std::vector<Command> all = [] {
         std::vector<Command> list;
-        for (const auto& group : {job_commands(), result_commands(), help_commands(), comparing_commands()})
+        for (const auto& group : {job_commands(), campaign_commands(), result_commands(), help_commands(), comparing_commands()})
             list.insert(list.end(), group.begin(), group.end());
         return list;
     }();

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <streambuf>
+#include <utility>
 
 #include "apps/documents/atomic_file.hpp"
 #include "apps/job/estimate_job.hpp"
@@ -99,7 +100,8 @@ std::vector<JobProblem> job_problems(std::string_view text, const std::filesyste
 
 JobRun run_job_text(std::string_view text, const std::filesystem::path& source, const RunOptions& options,
                     const JobRunCalls& calls) {
-    if (options.out.empty()) throw std::invalid_argument("run_job_text: options.out is empty, needs a folder");
+    if (options.out.empty() && !options.in_memory)
+        throw std::invalid_argument("run_job_text: options.out is empty, needs a folder");
     if (options.threads < 0)
         throw std::invalid_argument("run_job_text: options.threads must be >= 0, not " +
                                     std::to_string(options.threads));
@@ -113,13 +115,14 @@ JobRun run_job_text(std::string_view text, const std::filesystem::path& source, 
     std::ostream error(&lines);
     Console console{out, error};
     console.stopped = one_at_a_time(calls.stopped);
-    run.exit_code = run_job(*reading.job, options, console, "never");
+    std::string kept;
+    run.exit_code = run_job(*reading.job, options, console, "never", &kept);
     run.summary = out.str();
     run.messages = lines.text();
     lines.rethrow();
     const bool estimates = options.stage == Stage::all || options.stage == Stage::estimate;
     if (reading.job->estimate && estimates && was_run(run.exit_code))
-        run.result = read_whole_file(options.out / "result.json");
+        run.result = options.in_memory ? std::move(kept) : read_whole_file(options.out / "result.json");
     return run;
 }
 

@@ -178,7 +178,7 @@ void store_times(OutputFolder& folder, const Progress& progress, const RunOption
 
 /// Runs a job whose files are signed first.
 int run_signed(Job job, const RunOptions& options, const Console& console, std::string_view color, Progress& progress,
-               const InterruptionGuard* signals) {
+               const InterruptionGuard* signals, std::string* result) {
     const AskedCaller caller(console.stopped);
     const Interruption& interruption = signals != nullptr ? static_cast<const Interruption&>(*signals) : caller;
     progress.within("checksums of the data");
@@ -187,9 +187,14 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
     const std::string evaluation = settle_evaluation(job);
     progress.within({});
     if (!evaluation.empty()) progress.say(evaluation);
-    const nlohmann::ordered_json ordered = job_document(job, options.out, versions());
-    const nlohmann::json document = nlohmann::json::parse(ordered.dump());
-    OutputFolder folder(options.out, document, job_text(job, options.out, versions()), options.force);
+    const std::filesystem::path paths_from = options.in_memory ? job.source.parent_path() : options.out;
+    const nlohmann::json document = nlohmann::json::parse(job_document(job, paths_from, versions()).dump());
+    std::optional<OutputFolder> place;
+    if (options.in_memory)
+        place.emplace();
+    else
+        place.emplace(options.out, document, job_text(job, options.out, versions()), options.force);
+    OutputFolder& folder = *place;
     RunStop stop(interruption);
     const Workspace work{job, options, document, progress, interruption, folder, stop};
     job.model.system = job.model.system->with_stop(work.asking());
@@ -199,10 +204,13 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
                                  [&] { return run_stages(work, console, is_coloured(color, console.out_terminal)); });
     } catch (const models::Stopped&) {
         progress.end("interrupted");
-        if (const std::string result = stop.result(); !result.empty()) folder.store("result.json", result);
+        if (const std::string last = stop.result(); !last.empty()) folder.store("result.json", last);
         store_times(folder, progress, options);
+        if (result != nullptr) *result = folder.kept_result();
         return ended_by_signal;
     }
+    if (result != nullptr) *result = folder.kept_result();
+    if (options.in_memory) return code;
     store_times(folder, progress, options);
     // Results are stored; of a long record the report takes seconds, and is left out when somebody waits for the end.
     RunStop report_stop(interruption);
@@ -224,7 +232,8 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
 
 }  // namespace
 
-int run_job(const Job& asked, const RunOptions& options, const Console& console, std::string_view color) {
+int run_job(const Job& asked, const RunOptions& options, const Console& console, std::string_view color,
+            std::string* result) {
     if (const auto missing = missing_block(asked, options.stage)) {
         console.error << fmt::format("{}: {}\n", asked.source.string(), *missing);
         return wrong_call;
@@ -237,7 +246,7 @@ int run_job(const Job& asked, const RunOptions& options, const Console& console,
     std::optional<InterruptionGuard> signals;
     if (console.signals) signals.emplace();
     try {
-        return run_signed(asked, options, console, color, progress, signals ? &*signals : nullptr);
+        return run_signed(asked, options, console, color, progress, signals ? &*signals : nullptr, result);
     } catch (const FolderRefused& error) {
         return refused(error, wrong_call);
     } catch (const StaleFile& error) {

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/json_difference.hpp"
 
 namespace orbid::apps {
 namespace {
@@ -26,36 +27,6 @@ constexpr std::array<std::string_view, 15> unsigned_names{
     "result.json",          "residuals.csv",     "section.svg",     "timing.json",     "log.txt",
     "waveform.svg",         "report.html",       "checkpoint.bin",  "prediction.json", "predictions.csv"};
 
-std::string shortened(const std::string& text) {
-    constexpr std::size_t longest = 100;  // a value can be a whole part of the job
-    return text.size() <= longest ? text : text.substr(0, longest) + "...";
-}
-
-/// First place where two JSON values differ, in the order of sorted keys; empty when they are equal.
-std::string first_difference(const nlohmann::json& stored, const nlohmann::json& wanted, const std::string& pointer) {
-    if (stored == wanted) return "";
-    if (stored.is_object() && wanted.is_object()) {
-        nlohmann::json all = stored;
-        all.update(wanted);
-        for (const auto& item : all.items()) {
-            const std::string at = pointer + "/" + item.key();
-            if (!stored.contains(item.key()))
-                return fmt::format("{} is absent there, {} in this job", at, shortened(wanted[item.key()].dump()));
-            if (!wanted.contains(item.key()))
-                return fmt::format("{} is {} there, absent in this job", at, shortened(stored[item.key()].dump()));
-            std::string inside = first_difference(stored[item.key()], wanted[item.key()], at);
-            if (!inside.empty()) return inside;
-        }
-    }
-    if (stored.is_array() && wanted.is_array() && stored.size() == wanted.size()) {
-        for (std::size_t i = 0; i < stored.size(); ++i) {
-            std::string inside = first_difference(stored[i], wanted[i], pointer + "/" + std::to_string(i));
-            if (!inside.empty()) return inside;
-        }
-    }
-    return fmt::format("{} is {} there, {} in this job", pointer, shortened(stored.dump()), shortened(wanted.dump()));
-}
-
 }  // namespace
 
 FolderState examine_output_folder(const std::filesystem::path& folder, const nlohmann::json& job) {
@@ -66,7 +37,7 @@ FolderState examine_output_folder(const std::filesystem::path& folder, const nlo
         auto wanted = job;
         stored.erase("versions");
         wanted.erase("versions");
-        std::string difference = first_difference(stored, wanted, "");
+        std::string difference = first_difference(stored, wanted);
         if (difference.empty()) return {FolderContent::same_job, ""};
         return {FolderContent::other_job, std::move(difference)};
     }
@@ -108,6 +79,9 @@ OutputFolder::OutputFolder(std::filesystem::path folder, const nlohmann::json& j
     of_another_job_ = content == FolderContent::other_job || content == FolderContent::unknown_job;
 }
 
+// A path below a device: nothing can be there.
+OutputFolder::OutputFolder() : folder_("/dev/null"), in_memory_(true) {}
+
 OutputFolder::~OutputFolder() {
     if (created_ && !claimed_) {
         std::error_code not_empty;  // somebody else's file came in between: the folder stays
@@ -129,6 +103,10 @@ void OutputFolder::claim() {
 
 void OutputFolder::store(const std::string& name, std::string_view bytes) {
     const std::lock_guard lock(mutex_);
+    if (in_memory_) {
+        if (name == "result.json") kept_result_ = bytes;
+        return;
+    }
     claim();
     write_atomically(file(name), bytes);
 }
@@ -137,6 +115,7 @@ void OutputFolder::store(const std::string& name,
                          const std::function<void(const std::filesystem::path& temporary)>& writer,
                          const std::function<bool()>& interrupted) {
     const std::lock_guard lock(mutex_);
+    if (in_memory_) return;
     claim();
     write_atomically(file(name), writer, interrupted);
 }

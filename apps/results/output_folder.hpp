@@ -49,10 +49,15 @@ public:
     /// @param job       what job.json says, as JSON.
     /// @param job_text  the same, as it is stored.
     OutputFolder(std::filesystem::path folder, const nlohmann::json& job, std::string job_text, bool force);
+    /// No folder: of what is stored the content of result.json is kept, and no file can be found.
+    OutputFolder();
     ~OutputFolder();
     OutputFolder(const OutputFolder&) = delete;
     OutputFolder& operator=(const OutputFolder&) = delete;
 
+    [[nodiscard]] bool in_memory() const { return in_memory_; }
+    /// In memory: the content of result.json; empty when none was stored.
+    [[nodiscard]] const std::string& kept_result() const { return kept_result_; }
     [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder_ / name; }
     /// Stores a file of the run, whole or not at all. Thread-safe. The first one is preceded by job.json. If the folder
     /// held another job (`force`), its results are then removed, except series and cycles: their fingerprints show
@@ -68,9 +73,11 @@ private:
     std::mutex mutex_;  ///< one file at a time, and none half written when a run is left
     std::filesystem::path folder_;
     std::string job_text_;
-    bool created_;         ///< by this run
-    bool of_another_job_;  ///< what it held before
+    bool created_ = false;         ///< by this run
+    bool of_another_job_ = false;  ///< what it held before
     bool claimed_ = false;
+    bool in_memory_ = false;
+    std::string kept_result_;
 };
 
 }  // namespace orbid::apps

@@ -17,7 +17,9 @@ enum class RandomPurpose : std::uint64_t {
     range_probe = 3,
     posterior_sample = 4,  ///< index = chain
     multi_start = 5,       ///< index = start
-    prediction_draw = 6    ///< index = draw
+    prediction_draw = 6,   ///< index = draw
+    campaign_draw = 7,     ///< index = what is drawn
+    resampling = 8         ///< index = column of the record
 };
 
 /// Random numbers that depend on (seed, purpose, index, position) alone: any order of drawing, on any thread, gives the

@@ -1,8 +1,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include <glob.h>
-
+#include "apps/documents/file_pattern.hpp"
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/data_job.hpp"
@@ -183,17 +182,6 @@ void read_recorded_file(const ValueReader& value, const Job& job, DataJob& data)
     if (path) take_type(value, file);
 }
 
-/// Files whose paths match a pattern, in the order of bytes.
-std::vector<std::filesystem::path> matching(const std::string& pattern) {
-    glob_t found{};
-    std::vector<std::filesystem::path> paths;
-    if (::glob(pattern.c_str(), 0, nullptr, &found) == 0) paths.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
-    ::globfree(&found);
-    std::erase_if(paths, [](const auto& path) { return !std::filesystem::is_regular_file(path); });
-    std::sort(paths.begin(), paths.end());
-    return paths;
-}
-
 void read_recorded_files(const ValueReader& value, const Job& job, DataJob& data) {
     data.simulation.reset();
     FileJob& file = data.file.emplace();
@@ -201,7 +189,7 @@ void read_recorded_files(const ValueReader& value, const Job& job, DataJob& data
     const auto text = value.text();
     if (!text) return;
     file.pattern = (job.source.parent_path() / *text).lexically_normal().string();
-    const auto paths = matching(file.pattern);
+    const auto paths = matching_files(file.pattern);
     if (paths.empty()) return value.report_data(fmt::format("no file matches \"{}\"", file.pattern));
     file.paths = paths;
     take_type(value, file);
