@@ -111,7 +111,8 @@ void take_result(std::string_view text, TaskOutcome& outcome) {
                 outcome.parameters.push_back(parameter_of(name, estimated, "value", "sd"));
     if (const auto errors = result.find("errors"); errors != result.end())
         for (const auto& [group, scale] : errors->items())
-            outcome.parameters.push_back(parameter_of(fmt::format("sd({})", group), scale, "sd", "uncertainty"));
+            if (scale.value("estimated", false))
+                outcome.parameters.push_back(parameter_of(fmt::format("sd({})", group), scale, "sd", "uncertainty"));
     outcome.result = compressed(text);
 }
 
