@@ -1,11 +1,13 @@
 #include "apps/program/command_campaign.hpp"
 
-#include <charconv>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <ostream>
+#include <stdexcept>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -13,6 +15,7 @@
 #include "apps/campaign/engine/worker.hpp"
 #include "apps/campaign/plan/campaign_file.hpp"
 #include "apps/documents/atomic_file.hpp"
+#include "apps/program/campaign_output.hpp"
 #include "apps/program/campaign_progress.hpp"
 #include "apps/program/colour.hpp"
 #include "apps/program/job_run.hpp"
@@ -48,6 +51,15 @@ CampaignOptions campaign_options(const CommandCall& call, const std::filesystem:
     return options;
 }
 
+/// The journal with what is whole of a damaged one; the rest waits again.
+Journal recovered(const CommandCall& call, const std::filesystem::path& file, const JournalDamaged& damage) {
+    const RecoveredJournal found = Journal::recover(file);
+    call.console.error << fmt::format(
+        "{}\n{} of {} tasks are whole, the others wait again ({} had ended); the damaged file is kept as {}\n",
+        damage.what(), found.ended, found.tasks, found.lost_outcomes, found.damaged.string());
+    return Journal::open(file, Journal::Access::write);
+}
+
 /// Runs what waits in a journal, and tells how it went.
 int run_waiting(const CommandCall& call, const CampaignTasks& tasks, Journal& journal, const CampaignOptions& options) {
     CampaignProgressLine line(call.console, call.has("quiet"),
@@ -56,16 +68,16 @@ int run_waiting(const CommandCall& call, const CampaignTasks& tasks, Journal& jo
     if (call.console.signals) signals.emplace();
     DealerCalls calls;
     calls.stopped = [&] { return (signals && signals->asked()) || (call.console.stopped && call.console.stopped()); };
-    calls.progress = [&](const CampaignProgress& progress) { line.show(progress); };
+    LiveReport report(journal, options.out);
+    calls.progress = [&](const CampaignProgress& progress) {
+        line.show(progress);
+        report.renew();
+    };
     const bool ended = run_campaign(tasks, journal, options, run_task, calls);
-    return ended ? success : ended_by_signal;
-}
-
-int finish(const CommandCall& call, const Journal& journal, int code) {
-    const JournalCounts counts = journal.counts();
-    call.console.out << fmt::format("{} done, {} failed, {} waiting\n", counts.done, counts.failed, counts.waiting);
-    if (code == success && counts.done == 0) return no_valid_answer;
-    return code;
+    report.finish();
+    call.console.out << campaign_status(journal);
+    if (!ended) return ended_by_signal;
+    return journal.counts().done > 0 ? success : no_valid_answer;
 }
 
 /// A campaign's file, its folder left out of the command.
@@ -78,38 +90,134 @@ std::filesystem::path folder_of(const CommandCall& call) {
     return call.value("out", out.string());
 }
 
-int run_file(const CommandCall& call, estimator::Ranks* given) {
-    const std::filesystem::path file = call.words[0];
+/// Calls what may refuse a journal or a campaign; exit code.
+template <class Work>
+int refusing(const CommandCall& call, const Work& work) {
     const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
     const auto refuse = [&](const std::string& text, int code) {
         call.console.error << error_text(text, coloured) << '\n';
         return code;
     };
-    if (!std::filesystem::exists(file)) return refuse(file.string() + ": the campaign file does not exist", wrong_call);
-    if (!std::filesystem::is_regular_file(file)) return refuse(file.string() + ": is no file", wrong_call);
-    const CampaignReading reading = read_campaign(read_whole_file(file), file);
-    for (const Problem& problem : reading.problems)
-        call.console.error << error_text(message(problem, file.string()), coloured) << '\n';
-    if (!reading.campaign) return reading.exit_code();
-    const CampaignTasks tasks(*reading.campaign);
-    CampaignOptions options = campaign_options(call, folder_of(call));
-    options.given = given;
     try {
-        Journal journal = campaign_journal(tasks, options.out);
-        return finish(call, journal, run_waiting(call, tasks, journal, options));
+        return work(refuse);
     } catch (const OtherCampaign& error) {
+        return refuse(error.what(), wrong_call);
+    } catch (const NoMpi& error) {
         return refuse(error.what(), wrong_call);
     } catch (const JournalError& error) {
         return refuse(error.what(), not_stored);
     }
 }
 
+int run_file(const CommandCall& call, estimator::Ranks* given) {
+    return refusing(call, [&](const auto& refuse) {
+        const std::filesystem::path file = call.words[0];
+        if (!std::filesystem::exists(file))
+            return refuse(file.string() + ": the campaign file does not exist", wrong_call);
+        if (!std::filesystem::is_regular_file(file)) return refuse(file.string() + ": is no file", wrong_call);
+        const CampaignReading reading = read_campaign(read_whole_file(file), file);
+        int code = success;
+        for (const Problem& problem : reading.problems)
+            code = refuse(message(problem, file.string()), reading.exit_code());
+        if (!reading.campaign) return code;
+        const CampaignTasks tasks(*reading.campaign);
+        CampaignOptions options = campaign_options(call, folder_of(call));
+        options.given = given;
+        Journal journal = [&] {
+            try {
+                return campaign_journal(tasks, options.out);
+            } catch (const JournalDamaged& damage) {
+                (void)recovered(call, options.out / journal_name, damage);
+                return campaign_journal(tasks, options.out);
+            }
+        }();
+        return run_waiting(call, tasks, journal, options);
+    });
+}
+
 /// Rank 0 does what the command says; the others serve it.
 int run_on_ranks(const CommandCall& call) {
     if (!under_mpi()) return run_file(call, nullptr);
-    const std::unique_ptr<estimator::Ranks> ranks = mpi_ranks();
-    if (ranks->rank() > 0) return serve_tasks(*ranks, run_task);
-    return run_file(call, ranks.get());
+    return refusing(call, [&](const auto&) {
+        const std::unique_ptr<estimator::Ranks> ranks = mpi_ranks();
+        if (ranks->rank() > 0) return serve_tasks(*ranks, run_task);
+        return run_file(call, ranks.get());
+    });
+}
+
+// What is asked of a journal in a folder.
+
+int show_status(const CommandCall& call, const std::filesystem::path& folder) {
+    call.console.out << campaign_status(Journal::open(folder / journal_name, Journal::Access::read));
+    return success;
+}
+
+/// Failed tasks wait again, and are run.
+int retry_failed(const CommandCall& call, const std::filesystem::path& folder) {
+    Journal journal = [&] {
+        try {
+            return Journal::open(folder / journal_name, Journal::Access::write);
+        } catch (const JournalDamaged& damage) {
+            return recovered(call, folder / journal_name, damage);
+        }
+    }();
+    const CampaignTasks tasks(Campaign::from_document(nlohmann::ordered_json::parse(journal.head().document)));
+    const std::int64_t again = journal.retry(call.value("status", ""));
+    call.console.error << fmt::format("{} failed tasks are tried again\n", again);
+    return run_waiting(call, tasks, journal, campaign_options(call, folder));
+}
+
+int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
+    const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
+    if (call.has("job")) {
+        const CampaignTasks tasks(Campaign::from_document(nlohmann::ordered_json::parse(journal.head().document)));
+        const std::int64_t number = call.whole_number("job", 0, 0);
+        if (number >= tasks.count())
+            throw CommandLineError(fmt::format("--job must be below {}, the number of tasks", tasks.count()));
+        call.console.out << tasks.job_text(number);
+        call.console.error << fmt::format("paths in it start at {}\n",
+                                          tasks.base(number).source.parent_path().string());
+        return success;
+    }
+    if (call.has("result")) {
+        const std::string result = journal.result(call.whole_number("result", 0, 0));
+        call.console.out << result;
+        return result.empty() ? no_valid_answer : success;
+    }
+    TableOptions options;
+    options.times = call.has("times");
+    const std::string table = call.value("table", campaign_table_names.front());
+    for (std::size_t i = 0; i < campaign_table_names.size(); ++i)
+        if (table == campaign_table_names[i]) options.table = static_cast<CampaignTable>(i);
+    if (!call.has("out") || call.value("out", "") == "-") {
+        write_campaign_table(journal, call.console.out, options);
+        return success;
+    }
+    write_atomically(call.value("out", ""), [&](const std::filesystem::path& temporary) {
+        std::ofstream file(temporary, std::ios::binary);
+        write_campaign_table(journal, file, options);
+        if (!file.flush()) throw std::runtime_error("cannot write " + temporary.string());
+    });
+    return success;
+}
+
+int write_campaign_report_anew(const CommandCall&, const std::filesystem::path& folder) {
+    const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
+    write_campaign_report(journal, folder / "report.html");
+    return success;
+}
+
+struct Verb {
+    std::string name;
+    int (*run)(const CommandCall& call, const std::filesystem::path& folder);
+};
+
+const std::vector<Verb>& verbs() {
+    static const std::vector<Verb> all{{"status", show_status},
+                                       {"retry", retry_failed},
+                                       {"export", write_tables},
+                                       {"report", write_campaign_report_anew}};
+    return all;
 }
 
 }  // namespace
@@ -118,7 +226,22 @@ std::vector<std::string> engine_choices() {
     return engine_names;
 }
 
+std::vector<std::string> campaign_table_choices() {
+    return campaign_table_names;
+}
+
 int run_campaign_command(const CommandCall& call) {
+    for (const Verb& verb : verbs()) {
+        if (call.words[0] != verb.name) continue;
+        if (call.words.size() < 2)
+            throw CommandLineError(fmt::format("orbid campaign {} needs the folder of a campaign", verb.name));
+        const std::filesystem::path folder = call.words[1];
+        if (!std::filesystem::is_regular_file(folder / journal_name))
+            throw CommandLineError(fmt::format("{} holds no {}", folder.string(), journal_name));
+        return refusing(call, [&](const auto&) { return verb.run(call, folder); });
+    }
+    if (call.words.size() > 1)
+        throw CommandLineError(fmt::format("\"{}\" is none of status, retry, export, report", call.words[0]));
     return run_on_ranks(call);
 }
 

@@ -57,7 +57,8 @@ void take_estimates(const Json& result, Json& job, Campaign& campaign) {
     if (data.is_array() && data.size() != 1) return;
     Json& one = data.is_array() ? data.front() : data;
     if (!one.contains("simulate") || !one["simulate"].contains("noise")) return;
-    for (const auto& [group, scale] : result.value("errors", Json::object()).items()) {
+    const Json errors = result.value("errors", Json::object());
+    for (const auto& [group, scale] : errors.items()) {
         const std::string coordinate = group.substr(group.find('.') + 1);
         if (group.starts_with("series.") && one["simulate"]["noise"].contains(coordinate))
             one["simulate"]["noise"][coordinate] = scale.value("sd", Json());
