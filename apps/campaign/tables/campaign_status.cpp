@@ -43,20 +43,24 @@ public:
         // Mostly the messages of a campaign are few: those that were seen need no pattern.
         key_.assign(state_name(state)).append("\n").append(status).append("\n").append(message);
         auto known = numbers_.find(key_);
-        if (known == numbers_.end()) {
+        std::size_t number = 0;
+        if (known != numbers_.end()) {
+            number = known->second;
+        } else {
             const auto [place, added] = patterns_.try_emplace(
                 {state, std::string(status), message_pattern(std::string(message))}, list_.size());
-            if (added) list_.push_back({state, std::string(status), std::string(message), 0, task});
-            if (numbers_.size() < most_known) numbers_.emplace(key_, place->second);
-            ++list_[place->second].count;
-        } else {
-            ++list_[known->second].count;
+            number = place->second;
+            if (added) list_.push_back({state, std::string(status), std::string(message), 0, {}});
+            if (numbers_.size() < most_known) numbers_.emplace(key_, number);
         }
+        FailureReason& reason = list_[number];
+        ++reason.count;
+        if (reason.tasks.size() < FailureReason::most_named) reason.tasks.push_back(task);
     }
     /// The most frequent first.
     [[nodiscard]] std::vector<FailureReason> sorted() && {
         std::sort(list_.begin(), list_.end(), [](const auto& a, const auto& b) {
-            return std::make_pair(-a.count, a.first) < std::make_pair(-b.count, b.first);
+            return std::make_pair(-a.count, a.tasks.front()) < std::make_pair(-b.count, b.tasks.front());
         });
         return std::move(list_);
     }
@@ -99,7 +103,7 @@ std::string message_pattern(const std::string& message) {
     return out;
 }
 
-CampaignStatus campaign_status(const Journal& journal) {
+CampaignStatus read_campaign_status(const Journal& journal) {
     CampaignStatus out;
     out.first_start = std::nan("");
     out.last_end = std::nan("");
@@ -133,6 +137,18 @@ CampaignStatus campaign_status(const Journal& journal) {
     return out;
 }
 
+std::string time_words(const CampaignStatus& status) {
+    const auto ended = static_cast<double>(status.counts.done + status.counts.failed);
+    return fmt::format("{} of all tasks, {} of processors, {} per task; from the first start to the last end {}",
+                       duration_words(status.counts.seconds), duration_words(status.counts.processor_seconds),
+                       duration_words(status.counts.seconds / ended),
+                       duration_words(status.last_end - status.first_start));
+}
+
+std::string campaign_status(const Journal& journal) {
+    return status_text(journal.head(), read_campaign_status(journal));
+}
+
 std::string status_text(const JournalHead& head, const CampaignStatus& status, std::size_t most_reasons) {
     const JournalCounts& counts = status.counts;
     const std::int64_t ended = counts.done + counts.failed;
@@ -158,17 +174,13 @@ std::string status_text(const JournalHead& head, const CampaignStatus& status, s
             100.0 * static_cast<double>(status.covered) / static_cast<double>(status.intervals), 100.0 * interval.lower,
             100.0 * interval.upper, 100.0 * interval_level);
     }
-    out +=
-        fmt::format("time: {} of all tasks, {} of processors, {} per task; from the first start to the last end {}\n",
-                    duration_words(counts.seconds), duration_words(counts.processor_seconds),
-                    duration_words(counts.seconds / static_cast<double>(ended)),
-                    duration_words(status.last_end - status.first_start));
+    out += "time: " + time_words(status) + "\n";
     if (status.reasons.empty()) return out;
     SummaryTable reasons({left_aligned("why not"), left_aligned("message"), "tasks", "first"});
     for (std::size_t k = 0; k < std::min(most_reasons, status.reasons.size()); ++k) {
         const FailureReason& reason = status.reasons[k];
         reasons.add({reason.status, reason.message, grouped_digits(static_cast<std::size_t>(reason.count)),
-                     std::to_string(reason.first)});
+                     std::to_string(reason.tasks.front())});
     }
     out += reasons.text();
     if (status.reasons.size() > most_reasons)
