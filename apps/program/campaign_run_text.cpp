@@ -68,8 +68,7 @@ CampaignRun run_campaign_text(std::string_view text, const std::filesystem::path
 CampaignTaskJob campaign_task_job(const std::filesystem::path& folder, std::int64_t number) {
     const CampaignTasks tasks = tasks_of(Journal::open(folder / journal_name, Journal::Access::read));
     if (number < 0 || number >= tasks.count())
-        throw std::invalid_argument(
-            fmt::format("task {}: the campaign has tasks 0 to {}", number, tasks.count() - 1));
+        throw std::invalid_argument(fmt::format("task {}: the campaign has tasks 0 to {}", number, tasks.count() - 1));
     return {tasks.job_text(number), tasks.base(number).source};
 }
 

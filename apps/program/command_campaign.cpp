@@ -180,6 +180,13 @@ std::vector<std::string> campaign_table_choices() {
     return campaign_table_names;
 }
 
+std::vector<std::string> campaign_verbs() {
+    std::vector<std::string> names;
+    for (const Verb& verb : verbs())
+        names.push_back(verb.name);
+    return names;
+}
+
 int run_campaign_command(const CommandCall& call) {
     for (const Verb& verb : verbs()) {
         if (call.words[0] != verb.name) continue;
