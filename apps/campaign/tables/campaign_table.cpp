@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <set>
-#include <stdexcept>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -143,7 +142,14 @@ void write_task(CsvLines& csv, const std::vector<NamedParameter>& names, const J
     csv.end_line();
 }
 
-void task_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
+}  // namespace
+
+std::string varied_text(const std::string& json) {
+    if (!json.starts_with('"')) return json;
+    return nlohmann::json::parse(json).get<std::string>();
+}
+
+void campaign_table(const Journal& journal, std::ostream& out, const CampaignTableOptions& options) {
     const auto names = named_parameters(journal);
     CsvLines csv(out);
     Heading(task_columns(names, options.times)).write(csv, journal.head().varied, all_columns(journal), 1);
@@ -154,7 +160,7 @@ void task_table(const Journal& journal, std::ostream& out, const TableOptions& o
     csv.finish();
 }
 
-void parameter_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
+void parameter_table(const Journal& journal, std::ostream& out, const CampaignTableOptions& options) {
     std::vector<std::string> columns{"number", "status", "parameter", "value", "sd",
                                      "lower",  "upper",  "truth",     "bound"};
     if (options.times) columns.insert(columns.end(), time_columns.begin(), time_columns.end());
@@ -174,6 +180,8 @@ void parameter_table(const Journal& journal, std::ostream& out, const TableOptio
     });
     csv.finish();
 }
+
+namespace {
 
 std::vector<std::string> summary_columns(const CampaignGroups& groups, bool times) {
     std::vector<std::string> columns{"tasks", "done", "converged", "valid", "failed"};
@@ -204,7 +212,9 @@ void write_statistics(CsvLines& csv, const ParameterStatistics& statistics, cons
     if (all.over_bound2.count() > 0) csv.number(statistics.rms_over_bound());
 }
 
-void summary_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
+}  // namespace
+
+void summary_table(const Journal& journal, std::ostream& out, const CampaignTableOptions& options) {
     CampaignGroups groups(journal.head().varied);
     journal.each_row([&](const Journal::Row& row) {
         models::stop_if_asked(options.interrupted);
@@ -221,25 +231,6 @@ void summary_table(const Journal& journal, std::ostream& out, const TableOptions
         csv.end_line();
     }
     csv.finish();
-}
-
-}  // namespace
-
-std::string varied_text(const std::string& json) {
-    if (!json.starts_with('"')) return json;
-    return nlohmann::json::parse(json).get<std::string>();
-}
-
-void write_campaign_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
-    switch (options.table) {
-        case CampaignTable::tasks:
-            return task_table(journal, out, options);
-        case CampaignTable::parameters:
-            return parameter_table(journal, out, options);
-        case CampaignTable::summary:
-            return summary_table(journal, out, options);
-    }
-    throw std::invalid_argument("there is no such table of a campaign");
 }
 
 }  // namespace orbid::apps
