@@ -15,6 +15,7 @@
 #include "apps/campaign/engine/campaign_run.hpp"
 #include "apps/campaign/engine/worker.hpp"
 #include "apps/campaign/plan/campaign_file.hpp"
+#include "apps/campaign/report/campaign_report.hpp"
 #include "apps/campaign/tables/campaign_status.hpp"
 #include "apps/campaign/tables/campaign_table.hpp"
 #include "apps/documents/atomic_file.hpp"
@@ -153,6 +154,11 @@ int write_tables(const CommandCall& call, const std::filesystem::path& folder, e
     return success;
 }
 
+int write_report_anew(const CommandCall&, const std::filesystem::path& folder, estimator::Ranks*) {
+    write_campaign_report(Journal::open(folder / journal_name, Journal::Access::read), folder / "report.html");
+    return success;
+}
+
 struct Verb {
     std::string name;
     /// @param given  rank 0 of the ranks that MPI has started; null: there are none
@@ -160,7 +166,8 @@ struct Verb {
 };
 
 const std::vector<Verb>& verbs() {
-    static const std::vector<Verb> all{{"status", show_status}, {"retry", retry_failed}, {"export", write_tables}};
+    static const std::vector<Verb> all{
+        {"status", show_status}, {"retry", retry_failed}, {"export", write_tables}, {"report", write_report_anew}};
     return all;
 }
 
