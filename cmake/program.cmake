@@ -1,4 +1,4 @@
-# What is installed beside the library for who uses the program: itself, its manual page, completions, the schema of jobs,
+# What is installed beside the library for who uses the program: itself, its manual page, completions, the schemas of jobs and campaigns,
 # pages and example jobs. All text that the program can write about itself is written by it.
 include(GNUInstallDirs)
 if(ORBID_SYNTAX_ONLY)
@@ -23,7 +23,7 @@ install(FILES ${texts}/orbid.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-comp
   COMPONENT runtime)
 install(FILES ${texts}/orbid.zsh DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions RENAME _orbid
   COMPONENT runtime)
-install(FILES docs/orbid-job.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/orbid COMPONENT runtime)
+install(FILES docs/orbid-job.schema.json docs/orbid-campaign.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/orbid COMPONENT runtime)
 
 # Example jobs with their data, each set of data beside its notice. Pages name their folder as the source tree does. Links of
 # pages into tests/ lead nowhere here: what they name as evidence is source, which packages do not hold.

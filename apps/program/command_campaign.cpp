@@ -20,29 +20,14 @@
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/compression.hpp"
 #include "apps/program/campaign_progress.hpp"
+#include "apps/program/campaign_work.hpp"
 #include "apps/program/colour.hpp"
-#include "apps/program/job_run.hpp"
 #include "apps/ranks/rank_plugin.hpp"
 #include "apps/stages/interruption.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-/// Runs the job of a task in one thread, without files.
-TaskRun run_task(const std::string& text, const std::filesystem::path& source, const std::function<bool()>& stopped) {
-    RunOptions options;
-    options.threads = 1;
-    options.quiet = true;
-    options.in_memory = true;
-    JobRunCalls calls;
-    calls.stopped = stopped;
-    const JobRun run = run_job_text(text, source, options, calls);
-    TaskRun task{run.exit_code, {}, run.messages, run.result};
-    for (const JobProblem& problem : run.problems)
-        task.problems += fmt::format("{}{}{}\n", problem.pointer, problem.pointer.empty() ? "" : ": ", problem.rule);
-    return task;
-}
 
 CampaignOptions campaign_options(const CommandCall& call, const std::filesystem::path& out) {
     CampaignOptions options;
@@ -54,17 +39,9 @@ CampaignOptions campaign_options(const CommandCall& call, const std::filesystem:
     return options;
 }
 
-/// The journal with what is whole of a damaged one; the rest waits again.
-Journal recovered(const CommandCall& call, const std::filesystem::path& file, const JournalDamaged& damage) {
-    const RecoveredJournal found = Journal::recover(file);
-    call.console.error << fmt::format(
-        "{}\n{} of {} tasks are whole, the others wait again ({} had ended); the damaged file is kept as {}\n",
-        damage.what(), found.ended, found.tasks, found.lost_outcomes, found.damaged.string());
-    return Journal::open(file, Journal::Access::write);
-}
-
 /// Runs what waits in a journal, and tells how it went.
-int run_waiting(const CommandCall& call, const CampaignTasks& tasks, Journal& journal, const CampaignOptions& options) {
+int run_and_show(const CommandCall& call, const CampaignTasks& tasks, Journal& journal,
+                 const CampaignOptions& options) {
     CampaignProgressLine line(call.console, call.has("quiet"),
                               std::chrono::seconds(call.whole_number("progress", 10, 1)));
     std::optional<InterruptionGuard> signals;
@@ -72,10 +49,9 @@ int run_waiting(const CommandCall& call, const CampaignTasks& tasks, Journal& jo
     DealerCalls calls;
     calls.stopped = [&] { return (signals && signals->asked()) || (call.console.stopped && call.console.stopped()); };
     calls.progress = [&](const CampaignProgress& progress) { line.show(progress); };
-    const bool ended = run_campaign(tasks, journal, options, run_task, calls);
-    call.console.out << status_text(journal.head(), campaign_status(journal));
-    if (!ended) return ended_by_signal;
-    return journal.counts().done > 0 ? success : no_valid_answer;
+    const WaitingRun run = run_waiting(tasks, journal, options, calls);
+    call.console.out << run.status;
+    return run.exit_code;
 }
 
 /// A campaign's file, its folder left out of the command.
@@ -96,15 +72,7 @@ int refusing(const CommandCall& call, const Work& work) {
         call.console.error << error_text(text, coloured) << '\n';
         return code;
     };
-    try {
-        return work(refuse);
-    } catch (const OtherCampaign& error) {
-        return refuse(error.what(), wrong_call);
-    } catch (const NoMpi& error) {
-        return refuse(error.what(), wrong_call);
-    } catch (const JournalError& error) {
-        return refuse(error.what(), not_stored);
-    }
+    return refusals_told([&](const std::string& text) { refuse(text, wrong_call); }, [&] { return work(refuse); });
 }
 
 int run_file(const CommandCall& call, estimator::Ranks* given) {
@@ -121,15 +89,8 @@ int run_file(const CommandCall& call, estimator::Ranks* given) {
         const CampaignTasks tasks(*reading.campaign);
         CampaignOptions options = campaign_options(call, folder_of(call));
         options.given = given;
-        Journal journal = [&] {
-            try {
-                return campaign_journal(tasks, options.out);
-            } catch (const JournalDamaged& damage) {
-                (void)recovered(call, options.out / journal_name, damage);
-                return campaign_journal(tasks, options.out);
-            }
-        }();
-        return run_waiting(call, tasks, journal, options);
+        Journal journal = whole_journal(tasks, options.out, call.console.error);
+        return run_and_show(call, tasks, journal, options);
     });
 }
 
@@ -153,17 +114,11 @@ int show_status(const CommandCall& call, const std::filesystem::path& folder) {
 
 /// Failed tasks wait again, and are run.
 int retry_failed(const CommandCall& call, const std::filesystem::path& folder) {
-    Journal journal = [&] {
-        try {
-            return Journal::open(folder / journal_name, Journal::Access::write);
-        } catch (const JournalDamaged& damage) {
-            return recovered(call, folder / journal_name, damage);
-        }
-    }();
-    const CampaignTasks tasks(Campaign::from_document(nlohmann::ordered_json::parse(journal.head().document)));
+    Journal journal = whole_journal(folder, call.console.error);
+    const CampaignTasks tasks = tasks_of(journal);
     const std::int64_t again = journal.retry(call.value("status", ""));
     call.console.error << fmt::format("{} failed tasks are tried again\n", again);
-    return run_waiting(call, tasks, journal, campaign_options(call, folder));
+    return run_and_show(call, tasks, journal, campaign_options(call, folder));
 }
 
 using TableWriter = void (*)(const Journal& journal, std::ostream& out, const CampaignTableOptions& options);
@@ -177,7 +132,7 @@ const std::map<std::string, TableWriter>& campaign_tables() {
 int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
     const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
     if (call.has("job")) {
-        const CampaignTasks tasks(Campaign::from_document(nlohmann::ordered_json::parse(journal.head().document)));
+        const CampaignTasks tasks = tasks_of(journal);
         const std::int64_t number = call.whole_number("job", 0, 0);
         if (number >= tasks.count())
             throw CommandLineError(fmt::format("--job must be below {}, the number of tasks", tasks.count()));
@@ -226,6 +181,13 @@ std::vector<std::string> campaign_table_choices() {
     std::vector<std::string> names;
     for (const auto& [name, write] : campaign_tables())
         names.push_back(name);
+    return names;
+}
+
+std::vector<std::string> campaign_verbs() {
+    std::vector<std::string> names;
+    for (const Verb& verb : verbs())
+        names.push_back(verb.name);
     return names;
 }
 

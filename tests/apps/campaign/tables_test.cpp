@@ -252,9 +252,9 @@ TEST_CASE("the status says where a campaign stands and what failed", "[apps][cam
     const auto text = apps::status_text(journal.head(), status);
 XX
                          ContainsSubstring("noise and seeds\ngrid: 1 100 tasks, 945 done, 105 failed, 50 waiting\n"));
-    CHECK_THAT(text, ContainsSubstring("no crossing in \"a\", which is short"));
-    CHECK_THAT(text, ContainsSubstring("coverage: ") && ContainsSubstring("nominal 95 %"));
-    CHECK(apps::message_pattern("step 12 of 3.5e-7 in \"file 3\" at t1") == "step # of # in \"\" at t#");
+CHECK_THAT(text, ContainsSubstring("no crossing in \"a\", which is short"));
+CHECK_THAT(text, ContainsSubstring("coverage: ") && ContainsSubstring("nominal 95 %"));
+CHECK(apps::message_pattern("step 12 of 3.5e-7 in \"file 3\" at t1") == "step # of # in \"\" at t#");
 }
 
 TEST_CASE("nothing done is said, and no table is empty of its heading", "[apps][campaign]") {
