@@ -91,8 +91,8 @@ TEST_CASE("Numbers of a job are multiplied by what varies", "[campaign]") {
         return ordered_json::parse(tasks.job_text(task))["data"]["simulate"]["noise"];
     };
     CHECK(noise(0)["x"] == 0.01);
-    CHECK(noise(1)["x"].get<double>() == Catch::Approx(0.05).epsilon(1e-14));
-    CHECK(noise(1)["y"].get<double>() == Catch::Approx(0.015).epsilon(1e-14));
+    CHECK_THAT(noise(1)["x"].get<double>(), tests::WithinRel(0.05, 1e-14));
+    CHECK_THAT(noise(1)["y"].get<double>(), tests::WithinRel(0.015, 1e-14));
 }
 
 TEST_CASE("Jobs of a campaign are changed by name before anything varies", "[campaign]") {
