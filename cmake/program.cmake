@@ -1,4 +1,4 @@
-# What is installed beside the library for who uses the program: itself, its manual page, completions, the schema of jobs,
+# What is installed beside the library for who uses the program: itself, its manual page, completions, the schemas of jobs and campaigns,
 # pages and example jobs. All text that the program can write about itself is written by it.
 include(GNUInstallDirs)
 if(ORBID_SYNTAX_ONLY)
@@ -23,7 +23,7 @@ install(FILES ${texts}/orbid.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-comp
   COMPONENT runtime)
 install(FILES ${texts}/orbid.zsh DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions RENAME _orbid
   COMPONENT runtime)
-install(FILES docs/orbid-job.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/orbid COMPONENT runtime)
+install(FILES docs/orbid-job.schema.json docs/orbid-campaign.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/orbid COMPONENT runtime)
 
 # Example jobs with their data, each set of data beside its notice. Pages name their folder as the source tree does. Links of
 # pages into tests/ lead nowhere here: what they name as evidence is source, which packages do not hold.
@@ -68,11 +68,15 @@ file(CONFIGURE OUTPUT ${texts}/changelog.Debian @ONLY CONTENT
 
  -- @ORBID_MAINTAINER@  @date@
 ")
-foreach(component runtime development)
-  set(package orbid)
-  if(component STREQUAL development)
-    set(package liborbid-dev)
-  endif()
+set(components runtime development)
+set(package_of_runtime orbid)
+set(package_of_development liborbid-dev)
+if(TARGET orbid_mpi)
+  list(APPEND components mpi)
+  set(package_of_mpi orbid-mpi)
+endif()
+foreach(component IN LISTS components)
+  set(package ${package_of_${component}})
   set(folder ${CMAKE_INSTALL_DATADIR}/doc/${package})
   install(FILES LICENSE DESTINATION ${folder} RENAME copyright COMPONENT ${component})
   install_compressed(${CMAKE_SOURCE_DIR}/CHANGELOG.md ${folder} changelog ${component})

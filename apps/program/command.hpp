@@ -28,10 +28,11 @@ enum class WordKind { text, number, job_file, file, folder, choice };
 
 /// A positional word of a command, as its usage shows it: "JOB.json", "[TASK]".
 struct CommandWord {
-    std::string name;                                 ///< in capitals: "MODEL"
-    WordKind kind = WordKind::text;                   ///< what it names
-    bool optional = false;                            ///< may be left out, with all words after it
-    std::vector<std::string> (*choices)() = nullptr;  ///< WordKind::choice: what it may be
+    std::string name;                ///< in capitals: "MODEL"
+    WordKind kind = WordKind::text;  ///< what it names
+    bool optional = false;           ///< may be left out, with all words after it
+    /// WordKind::choice: what it may be; of other kinds: what may stand there instead.
+    std::vector<std::string> (*choices)() = nullptr;
 };
 
 /// An option of a command: --name, or --name VALUE.

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <optional>
 #include <ostream>
@@ -14,32 +15,19 @@
 #include "apps/campaign/engine/campaign_run.hpp"
 #include "apps/campaign/engine/worker.hpp"
 #include "apps/campaign/plan/campaign_file.hpp"
+#include "apps/campaign/tables/campaign_status.hpp"
+#include "apps/campaign/tables/campaign_table.hpp"
 #include "apps/documents/atomic_file.hpp"
-#include "apps/program/campaign_output.hpp"
+#include "apps/documents/compression.hpp"
 #include "apps/program/campaign_progress.hpp"
+#include "apps/program/campaign_work.hpp"
 #include "apps/program/colour.hpp"
-#include "apps/program/job_run.hpp"
 #include "apps/ranks/rank_plugin.hpp"
 #include "apps/stages/interruption.hpp"
 
 namespace orbid::apps {
 
 namespace {
-
-/// Runs the job of a task in one thread, without files.
-TaskRun run_task(const std::string& text, const std::filesystem::path& source, const std::function<bool()>& stopped) {
-    RunOptions options;
-    options.threads = 1;
-    options.quiet = true;
-    options.in_memory = true;
-    JobRunCalls calls;
-    calls.stopped = stopped;
-    const JobRun run = run_job_text(text, source, options, calls);
-    TaskRun task{run.exit_code, {}, run.messages, run.result};
-    for (const JobProblem& problem : run.problems)
-        task.problems += fmt::format("{}{}{}\n", problem.pointer, problem.pointer.empty() ? "" : ": ", problem.rule);
-    return task;
-}
 
 CampaignOptions campaign_options(const CommandCall& call, const std::filesystem::path& out) {
     CampaignOptions options;
@@ -51,33 +39,19 @@ CampaignOptions campaign_options(const CommandCall& call, const std::filesystem:
     return options;
 }
 
-/// The journal with what is whole of a damaged one; the rest waits again.
-Journal recovered(const CommandCall& call, const std::filesystem::path& file, const JournalDamaged& damage) {
-    const RecoveredJournal found = Journal::recover(file);
-    call.console.error << fmt::format(
-        "{}\n{} of {} tasks are whole, the others wait again ({} had ended); the damaged file is kept as {}\n",
-        damage.what(), found.ended, found.tasks, found.lost_outcomes, found.damaged.string());
-    return Journal::open(file, Journal::Access::write);
-}
-
 /// Runs what waits in a journal, and tells how it went.
-int run_waiting(const CommandCall& call, const CampaignTasks& tasks, Journal& journal, const CampaignOptions& options) {
+int run_and_show(const CommandCall& call, const CampaignTasks& tasks, Journal& journal,
+                 const CampaignOptions& options) {
     CampaignProgressLine line(call.console, call.has("quiet"),
                               std::chrono::seconds(call.whole_number("progress", 10, 1)));
     std::optional<InterruptionGuard> signals;
     if (call.console.signals) signals.emplace();
     DealerCalls calls;
     calls.stopped = [&] { return (signals && signals->asked()) || (call.console.stopped && call.console.stopped()); };
-    LiveReport report(journal, options.out);
-    calls.progress = [&](const CampaignProgress& progress) {
-        line.show(progress);
-        report.renew();
-    };
-    const bool ended = run_campaign(tasks, journal, options, run_task, calls);
-    report.finish();
-    call.console.out << campaign_status(journal);
-    if (!ended) return ended_by_signal;
-    return journal.counts().done > 0 ? success : no_valid_answer;
+    calls.progress = [&](const CampaignProgress& progress) { line.show(progress); };
+    const WaitingRun run = run_waiting(tasks, journal, options, calls);
+    call.console.out << run.status;
+    return run.exit_code;
 }
 
 /// A campaign's file, its folder left out of the command.
@@ -98,15 +72,7 @@ int refusing(const CommandCall& call, const Work& work) {
         call.console.error << error_text(text, coloured) << '\n';
         return code;
     };
-    try {
-        return work(refuse);
-    } catch (const OtherCampaign& error) {
-        return refuse(error.what(), wrong_call);
-    } catch (const NoMpi& error) {
-        return refuse(error.what(), wrong_call);
-    } catch (const JournalError& error) {
-        return refuse(error.what(), not_stored);
-    }
+    return refusals_told([&](const std::string& text) { refuse(text, wrong_call); }, [&] { return work(refuse); });
 }
 
 int run_file(const CommandCall& call, estimator::Ranks* given) {
@@ -123,15 +89,8 @@ int run_file(const CommandCall& call, estimator::Ranks* given) {
         const CampaignTasks tasks(*reading.campaign);
         CampaignOptions options = campaign_options(call, folder_of(call));
         options.given = given;
-        Journal journal = [&] {
-            try {
-                return campaign_journal(tasks, options.out);
-            } catch (const JournalDamaged& damage) {
-                (void)recovered(call, options.out / journal_name, damage);
-                return campaign_journal(tasks, options.out);
-            }
-        }();
-        return run_waiting(call, tasks, journal, options);
+        Journal journal = whole_journal(tasks, options.out, call.console.error);
+        return run_and_show(call, tasks, journal, options);
     });
 }
 
@@ -148,29 +107,32 @@ int run_on_ranks(const CommandCall& call) {
 // What is asked of a journal in a folder.
 
 int show_status(const CommandCall& call, const std::filesystem::path& folder) {
-    call.console.out << campaign_status(Journal::open(folder / journal_name, Journal::Access::read));
+    const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
+    call.console.out << status_text(journal.head(), campaign_status(journal));
     return success;
 }
 
 /// Failed tasks wait again, and are run.
 int retry_failed(const CommandCall& call, const std::filesystem::path& folder) {
-    Journal journal = [&] {
-        try {
-            return Journal::open(folder / journal_name, Journal::Access::write);
-        } catch (const JournalDamaged& damage) {
-            return recovered(call, folder / journal_name, damage);
-        }
-    }();
-    const CampaignTasks tasks(Campaign::from_document(nlohmann::ordered_json::parse(journal.head().document)));
+    Journal journal = whole_journal(folder, call.console.error);
+    const CampaignTasks tasks = tasks_of(journal);
     const std::int64_t again = journal.retry(call.value("status", ""));
     call.console.error << fmt::format("{} failed tasks are tried again\n", again);
-    return run_waiting(call, tasks, journal, campaign_options(call, folder));
+    return run_and_show(call, tasks, journal, campaign_options(call, folder));
+}
+
+using TableWriter = void (*)(const Journal& journal, std::ostream& out, const CampaignTableOptions& options);
+
+const std::map<std::string, TableWriter>& campaign_tables() {
+    static const std::map<std::string, TableWriter> all{
+        {"tasks", campaign_table}, {"parameters", parameter_table}, {"summary", summary_table}};
+    return all;
 }
 
 int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
     const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
     if (call.has("job")) {
-        const CampaignTasks tasks(Campaign::from_document(nlohmann::ordered_json::parse(journal.head().document)));
+        const CampaignTasks tasks = tasks_of(journal);
         const std::int64_t number = call.whole_number("job", 0, 0);
         if (number >= tasks.count())
             throw CommandLineError(fmt::format("--job must be below {}, the number of tasks", tasks.count()));
@@ -181,29 +143,21 @@ int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
     }
     if (call.has("result")) {
         const std::string result = journal.result(call.whole_number("result", 0, 0));
-        call.console.out << result;
+        if (!result.empty()) call.console.out << uncompressed(result);
         return result.empty() ? no_valid_answer : success;
     }
-    TableOptions options;
+    CampaignTableOptions options;
     options.times = call.has("times");
-    const std::string table = call.value("table", campaign_table_names.front());
-    for (std::size_t i = 0; i < campaign_table_names.size(); ++i)
-        if (table == campaign_table_names[i]) options.table = static_cast<CampaignTable>(i);
-    if (!call.has("out") || call.value("out", "") == "-") {
-        write_campaign_table(journal, call.console.out, options);
+    const auto write = campaign_tables().at(call.value("table", "tasks"));
+    if (call.value("out", "-") == "-") {
+        write(journal, call.console.out, options);
         return success;
     }
     write_atomically(call.value("out", ""), [&](const std::filesystem::path& temporary) {
         std::ofstream file(temporary, std::ios::binary);
-        write_campaign_table(journal, file, options);
+        write(journal, file, options);
         if (!file.flush()) throw std::runtime_error("cannot write " + temporary.string());
     });
-    return success;
-}
-
-int write_campaign_report_anew(const CommandCall&, const std::filesystem::path& folder) {
-    const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
-    write_campaign_report(journal, folder / "report.html");
     return success;
 }
 
@@ -213,10 +167,7 @@ struct Verb {
 };
 
 const std::vector<Verb>& verbs() {
-    static const std::vector<Verb> all{{"status", show_status},
-                                       {"retry", retry_failed},
-                                       {"export", write_tables},
-                                       {"report", write_campaign_report_anew}};
+    static const std::vector<Verb> all{{"status", show_status}, {"retry", retry_failed}, {"export", write_tables}};
     return all;
 }
 
@@ -227,7 +178,17 @@ std::vector<std::string> engine_choices() {
 }
 
 std::vector<std::string> campaign_table_choices() {
-    return campaign_table_names;
+    std::vector<std::string> names;
+    for (const auto& [name, write] : campaign_tables())
+        names.push_back(name);
+    return names;
+}
+
+std::vector<std::string> campaign_verbs() {
+    std::vector<std::string> names;
+    for (const Verb& verb : verbs())
+        names.push_back(verb.name);
+    return names;
 }
 
 int run_campaign_command(const CommandCall& call) {

@@ -13,10 +13,12 @@ namespace {
 
 /// What bash offers for a word; empty: nothing is known of it.
 std::string bash_offer(WordKind kind, std::vector<std::string> (*choices)()) {
-    if (choices != nullptr) return fmt::format("_orbid_words '{}'", fmt::join(choices(), " "));
+    const std::string words = choices != nullptr ? fmt::format("{}", fmt::join(choices(), " ")) : "";
     switch (kind) {
+        case WordKind::choice:
+            return fmt::format("_orbid_words '{}'", words);
         case WordKind::job_file:
-            return "_orbid_files json";
+            return words.empty() ? "_orbid_files json" : fmt::format("_orbid_files json '{}'", words);
         case WordKind::file:
             return "_orbid_files";
         case WordKind::folder:
@@ -36,7 +38,8 @@ _orbid_folders() {
 }
 _orbid_files() {
     compopt -o filenames 2>/dev/null
-    mapfile -t COMPREPLY < <(compgen -f ${1:+-X "!*.$1"} -- "$current"; compgen -d -- "$current")
+    mapfile -t COMPREPLY < <(compgen -f ${1:+-X "!*.$1"} -- "$current"; compgen -d -- "$current"
+        compgen -W "${2-}" -- "$current")
     ((${#COMPREPLY[@]} < 2)) || mapfile -t COMPREPLY < <(printf '%s\n' "${COMPREPLY[@]}" | sort -u)
 }
 _orbid() {
@@ -107,10 +110,17 @@ std::string zsh_text(const std::string& text) {
 }
 
 std::string zsh_offer(WordKind kind, std::vector<std::string> (*choices)()) {
-    if (choices != nullptr) return fmt::format("({})", fmt::join(choices(), " "));
+    const std::string words = choices != nullptr ? fmt::format("({})", fmt::join(choices(), " ")) : "";
     switch (kind) {
+        case WordKind::choice:
+            return words;
         case WordKind::job_file:
-            return "_files -g \"*.json\"";
+            // A colon within an action is written with a backslash.
+            return words.empty() ? "_files -g \"*.json\""
+                                 : fmt::format(
+                                       "_alternative \"words\\:word\\:{}\" "
+                                       "\"files\\:file\\:_files -g \\\"*.json\\\"\"",
+                                       words);
         case WordKind::file:
             return "_files";
         case WordKind::folder:

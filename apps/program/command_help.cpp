@@ -133,8 +133,9 @@ std::string command_help(const Command& command) {
     for (const CommandWord& word : command.words) {
         if (word.choices == nullptr) continue;
         constexpr std::size_t indent = 19;
+        const char* kind = word.kind == WordKind::choice ? "" : "a file, or ";
         text += fmt::format("  {:<16} {}\n", word.name,
-                            wrapped(fmt::format("{}", fmt::join(word.choices(), ", ")), indent));
+                            wrapped(fmt::format("{}{}", kind, fmt::join(word.choices(), ", ")), indent));
     }
     text += "options:\n";
     for (const CommandOption& option : all_options(command))

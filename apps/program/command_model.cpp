@@ -7,6 +7,7 @@
 
 #include "apps/documents/json_reader.hpp"
 #include "apps/program/starting/model_listing.hpp"
+#include "apps/program/starting/starting_campaign.hpp"
 #include "apps/program/starting/starting_job.hpp"
 
 namespace orbid::apps {
@@ -24,9 +25,30 @@ int show_models(const CommandCall& call) {
     return 0;
 }
 
+namespace {
+
+constexpr std::string_view campaign_word = "campaign";
+
+}  // namespace
+
+std::vector<std::string> starting_subjects() {
+    std::vector<std::string> names = starting_models();
+    names.emplace(names.begin(), campaign_word);
+    return names;
+}
+
+std::vector<std::string> starting_purposes() {
+    std::vector<std::string> names = starting_tasks();
+    const std::vector<std::string> kinds = starting_campaign_kinds();
+    names.insert(names.end(), kinds.begin(), kinds.end());
+    return names;
+}
+
 int show_starting_job(const CommandCall& call) {
+    const auto purpose = [&](const char* without) { return call.words.size() > 1 ? call.words[1] : without; };
     try {
-        call.console.out << starting_job(call.words[0], call.words.size() > 1 ? call.words[1] : "simulate");
+        call.console.out << (call.words[0] == campaign_word ? starting_campaign(purpose("sweep"))
+                                                            : starting_job(call.words[0], purpose("simulate")));
     } catch (const std::invalid_argument& error) {
         throw CommandLineError(error.what());
     }

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/campaign/plan/campaign_file.hpp"
 #include "apps/documents/json_schema.hpp"
 #include "apps/documents/schema_page.hpp"
 #include "apps/job/blocks/job_schema.hpp"
@@ -75,8 +76,26 @@ std::string job_reference_text() {
         "keys are names as `NAME`.");
 }
 
+std::string campaign_schema_text() {
+    Json document = json_schema(campaign_description());
+    document["title"] = "a campaign of orbid";
+    return document.dump(2) + "\n";
+}
+
+std::string campaign_reference_text() {
+    return reference_page(
+        campaign_description(), "All keys of a campaign",
+        "What a campaign may hold; written by `orbid schema --campaign --markdown` from the descriptions that\n"
+        "campaigns are read by. What they do: [campaigns.md](campaigns.md). A value of a list is shown as `[]`, of an\n"
+        "object whose keys are names as `NAME`.");
+}
+
 int show_schema(const CommandCall& call) {
-    call.console.out << (call.has("markdown") ? job_reference_text() : job_schema_text());
+    const bool page = call.has("markdown");
+    if (call.has("campaign"))
+        call.console.out << (page ? campaign_reference_text() : campaign_schema_text());
+    else
+        call.console.out << (page ? job_reference_text() : job_schema_text());
     return 0;
 }
 

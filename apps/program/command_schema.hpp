@@ -10,7 +10,11 @@ namespace orbid::apps {
 [[nodiscard]] std::string job_schema_text();
 [[nodiscard]] std::string job_reference_text();
 
-/// orbid schema [--markdown]: one of the two on standard output.
+/// The same of campaigns: docs/campaign_reference.md.
+[[nodiscard]] std::string campaign_schema_text();
+[[nodiscard]] std::string campaign_reference_text();
+
+/// orbid schema [--campaign] [--markdown]: one of them on standard output.
 [[nodiscard]] int show_schema(const CommandCall& call);
 
 }  // namespace orbid::apps

@@ -12,7 +12,6 @@
 #include "apps/program/command_stored.hpp"
 #include "apps/program/manual_page.hpp"
 #include "apps/program/starting/model_listing.hpp"
-#include "apps/program/starting/starting_job.hpp"
 #include "apps/report/plots/plot_catalog.hpp"
 
 namespace orbid::apps {
@@ -49,7 +48,7 @@ std::vector<Command> job_commands() {
         job_command("estimate", "estimate the parameters", {"orbid estimate job.json --threads 2", ""}, run_estimation),
         Command{
             "check",
-            "every error of a job and its data, and what it would run and take",
+            "every error of a job or a campaign and its data, and what it would run and take",
             {job_word},
             {{"threads", "N", "threads that the estimate of the work is for (default 0: all cores)", WordKind::number},
              {"flow", "", "compare flows and derivatives by both steppers: \"verner\" and \"odeint\""}},
@@ -62,18 +61,21 @@ std::vector<Command> job_commands() {
                 {{"orbid models parametric_pendulum", ""}},
                 show_models},
         Command{"new",
-                "print a commented starting job",
-                {{"MODEL", WordKind::choice, false, starting_models}, {"TASK", WordKind::choice, true, starting_tasks}},
+                "print a commented starting job or campaign",
+                {{"MODEL", WordKind::choice, false, starting_subjects},
+                 {"TASK", WordKind::choice, true, starting_purposes}},
                 {},
                 {{"orbid new parametric_pendulum cycles > job.json", ""},
-                 {"orbid new equations series > job.json", "a model written in the job itself"}},
-                show_starting_job}};
+                 {"orbid new equations series > job.json", "a model written in the job itself"},
+                 {"orbid new campaign coverage > campaign.json", "many runs of one job"}},
+                show_starting_job,
+                "After a model, TASK is simulate to continuation; after campaign, sweep to records."}};
 }
 
 std::vector<Command> campaign_commands() {
     return {Command{"campaign",
                     "many runs that differ by what a campaign says: one journal, resumable, on all cores or a cluster",
-                    {{"CAMPAIGN.json", WordKind::job_file}, {"DIR", WordKind::folder, true}},
+                    {{"CAMPAIGN.json", WordKind::job_file, false, campaign_verbs}, {"DIR", WordKind::folder, true}},
                     {{"out", "DIR",
                       "folder of the journal (default: the campaign's path without .json); of export: file of the table",
                       WordKind::folder},
@@ -145,10 +147,11 @@ std::vector<Command> help_commands() {
                     {{"orbid help run", ""}},
                     show_help},
             Command{"schema",
-                    "print the JSON Schema of jobs, for editors",
+                    "print the JSON Schema of jobs or campaigns, for editors",
                     {},
-                    {{"markdown", "", "all keys as a page instead"}},
-                    {{"orbid schema > orbid-job.schema.json", "what a job's \"$schema\" may name"}},
+                    {{"campaign", "", "of campaigns"}, {"markdown", "", "all keys as a page instead"}},
+                    {{"orbid schema > orbid-job.schema.json", "what a job's \"$schema\" may name"},
+                     {"orbid schema --campaign > orbid-campaign.schema.json", "what that of a campaign may name"}},
                     show_schema}};
 }
 

@@ -14,6 +14,7 @@
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/check/data_check.hpp"
 #include "apps/program/command.hpp"
+#include "apps/program/problem_list.hpp"
 #include "apps/program/run.hpp"
 
 namespace orbid::apps {
@@ -23,14 +24,6 @@ namespace {
 /// Whether a run with this exit code has stored a result; otherwise that in the folder is of another job.
 bool was_run(int exit_code) {
     return exit_code == success || exit_code == no_valid_answer || exit_code == ended_by_signal;
-}
-
-std::vector<JobProblem> problems_of(const JobReading& reading, const std::filesystem::path& source) {
-    std::vector<JobProblem> problems;
-    for (const Problem& problem : reading.problems)
-        problems.push_back({problem.pointer, problem.place.line, problem.place.column, problem.rule,
-                            problem.kind == Problem::Kind::data, message(problem, source.string())});
-    return problems;
 }
 
 /// Keeps what is written and tells each whole line.
@@ -91,7 +84,7 @@ std::function<bool()> one_at_a_time(const std::function<bool()>& stopped) {
 
 std::vector<JobProblem> job_problems(std::string_view text, const std::filesystem::path& source) {
     const JobReading reading = read_job(text, source);
-    std::vector<JobProblem> problems = problems_of(reading, source);
+    std::vector<JobProblem> problems = problem_list(reading.problems, source);
     if (!reading.job) return problems;
     for (const std::string& problem : check_data(*reading.job).problems)
         problems.push_back({{}, 0, 0, problem, true, problem});
@@ -107,7 +100,7 @@ JobRun run_job_text(std::string_view text, const std::filesystem::path& source, 
                                     std::to_string(options.threads));
     JobRun run;
     const JobReading reading = read_job(text, source);
-    run.problems = problems_of(reading, source);
+    run.problems = problem_list(reading.problems, source);
     run.exit_code = reading.exit_code();
     if (!reading.job) return run;
     std::ostringstream out;

@@ -38,7 +38,9 @@ void add_command(std::string& page, const Command& command) {
         ".SS \"orbid " + command.name + (command.words.empty() ? "" : " ") + troff_text(usage_words(command)) + "\"\n";
     page += troff_text(command.summary) + ".\n";
     for (const CommandWord& word : command.words)
-        if (word.choices != nullptr) add_entry(page, word.name, "", with_choices("One of", word.choices));
+        if (word.choices != nullptr)
+            add_entry(page, word.name, "",
+                      with_choices(word.kind == WordKind::choice ? "One of" : "A file, or one of", word.choices));
     for (const CommandOption& option : command.options)
         add_entry(page, "--" + option.name, option.value, with_choices(option.meaning, option.choices));
     if (!command.details.empty()) page += ".PP\n" + troff_text(command.details) + "\n";

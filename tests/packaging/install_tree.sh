@@ -22,7 +22,7 @@ grep -rIl --exclude='*.md' -e "$source" -e "$scratch/first" "$prefix" >"$scratch
 
 orbid=$prefix/bin/orbid
 for file in bin/orbid share/doc/orbid/copyright share/doc/orbid/README.md share/doc/orbid/third_party_licences.txt \
-    share/doc/orbid/configs/README.md share/doc/orbid/examples/data/hare_lynx/README.md share/orbid/orbid-job.schema.json \
+    share/doc/orbid/configs/README.md share/doc/orbid/examples/data/hare_lynx/README.md share/orbid/orbid-job.schema.json share/orbid/orbid-campaign.schema.json \
     share/bash-completion/completions/orbid share/zsh/vendor-completions/_orbid; do
     [[ -s $prefix/$file ]] || fail "$file is not installed"
 done
