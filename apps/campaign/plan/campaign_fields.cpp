@@ -32,9 +32,11 @@ void read_job_value(const ValueReader& value, const std::string& name, CampaignT
 }
 
 void read_jobs(const ValueReader& value, const Job& place, CampaignText& text) {
-    for (const auto& [name, job] : value.members())
-        read_job_value(job, name, text);
-    if (!value.is(JsonValue::Kind::string)) return;
+    if (!value.is(JsonValue::Kind::string)) {
+        for (const auto& [name, job] : value.members())
+            read_job_value(job, name, text);
+        return;
+    }
     const auto pattern = value.text();
     if (!pattern) return;
     const auto full = (place.source.parent_path() / *pattern).lexically_normal().string();
