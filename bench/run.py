@@ -36,6 +36,7 @@ programs = {
     "identification_bench": ([["lorenz", "pendulum", "1000", "paper", "5000", "iteration", "5000"]], [[]]),
     "orbit_search_bench": ([["parametric_pendulum", "3", "14"]], [[]]),
     "periodic_bench": ([[]], [[]]),
+    "campaign_bench": ([["20000", "0"], ["2000", "1"]], [["100000", "0"], ["100000", "1"], ["200", "1000"]]),
     "scale_bench": ([[]], [[], ["henon", "1e8"]]),
     "sensitivity_bench": ([[]], [[]]),
     "start_region_bench": ([[CYCLES, "10"]], [[CYCLES]]),

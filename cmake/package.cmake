@@ -1,4 +1,4 @@
-# Debian packages (target package, ./dev package): orbid, liborbid-dev, and python3-orbid where it is built.
+# Debian packages (target package, ./dev package): orbid, liborbid-dev, and python3-orbid and orbid-mpi where they are built.
 if(ORBID_SYNTAX_ONLY)
   return()
 endif()
@@ -11,6 +11,10 @@ set(CPACK_COMPONENTS_ALL runtime development)
 get_cmake_property(components COMPONENTS)
 if(python IN_LIST components)
   list(APPEND CPACK_COMPONENTS_ALL python)
+endif()
+if(mpi IN_LIST components)
+  list(APPEND CPACK_COMPONENTS_ALL mpi)
+  set(CPACK_ORBID_PLUGIN lib/orbid/orbid-mpi.so)
 endif()
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
@@ -55,7 +59,7 @@ function(package_of LIBRARY PACKAGE)
 endfunction()
 package_of(${ORBID_HDF5_LIBRARY} CPACK_ORBID_LOADED)
 package_of(${ORBID_MATIO_LIBRARY} CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS)
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "liborbid-dev (= ${PROJECT_VERSION}-1), g++, librsvg2-bin")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "liborbid-dev (= ${PROJECT_VERSION}-1), orbid-mpi (= ${PROJECT_VERSION}-1), g++, librsvg2-bin")
 
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME liborbid-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
@@ -90,4 +94,17 @@ set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_LIBRARY_OUTPUT_DIRECTORY
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "identification of nonlinear dynamical systems (Python)
 ${about}
 This package holds the Python module.")
+
+set(CPACK_DEBIAN_MPI_PACKAGE_NAME orbid-mpi)
+set(CPACK_DEBIAN_MPI_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_MPI_PACKAGE_DEPENDS "orbid (= ${PROJECT_VERSION}-1)")
+# Slurm starts programs of MPI, too.
+if(mpi IN_LIST components AND MPIEXEC_EXECUTABLE)
+  file(REAL_PATH ${MPIEXEC_EXECUTABLE} mpiexec)
+  get_filename_component(mpiexec ${mpiexec} NAME)
+  package_of(bin/${mpiexec} CPACK_DEBIAN_MPI_PACKAGE_RECOMMENDS)
+endif()
+set(CPACK_COMPONENT_MPI_DESCRIPTION "identification of nonlinear dynamical systems (clusters)
+${about}
+This package holds the plug-in by which campaigns run on many machines.")
 include(CPack)

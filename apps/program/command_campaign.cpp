@@ -3,6 +3,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <optional>
 #include <ostream>
@@ -14,8 +15,10 @@
 #include "apps/campaign/engine/campaign_run.hpp"
 #include "apps/campaign/engine/worker.hpp"
 #include "apps/campaign/plan/campaign_file.hpp"
+#include "apps/campaign/tables/campaign_status.hpp"
+#include "apps/campaign/tables/campaign_table.hpp"
 #include "apps/documents/atomic_file.hpp"
-#include "apps/program/campaign_output.hpp"
+#include "apps/documents/compression.hpp"
 #include "apps/program/campaign_progress.hpp"
 #include "apps/program/campaign_work.hpp"
 #include "apps/program/colour.hpp"
@@ -104,7 +107,8 @@ int run_on_ranks(const CommandCall& call) {
 // What is asked of a journal in a folder.
 
 int show_status(const CommandCall& call, const std::filesystem::path& folder) {
-    call.console.out << campaign_status(Journal::open(folder / journal_name, Journal::Access::read));
+    const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
+    call.console.out << status_text(journal.head(), campaign_status(journal));
     return success;
 }
 
@@ -115,6 +119,14 @@ int retry_failed(const CommandCall& call, const std::filesystem::path& folder) {
     const std::int64_t again = journal.retry(call.value("status", ""));
     call.console.error << fmt::format("{} failed tasks are tried again\n", again);
     return run_and_show(call, tasks, journal, campaign_options(call, folder));
+}
+
+using TableWriter = void (*)(const Journal& journal, std::ostream& out, const CampaignTableOptions& options);
+
+const std::map<std::string, TableWriter>& campaign_tables() {
+    static const std::map<std::string, TableWriter> all{
+        {"tasks", campaign_table}, {"parameters", parameter_table}, {"summary", summary_table}};
+    return all;
 }
 
 int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
@@ -131,29 +143,21 @@ int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
     }
     if (call.has("result")) {
         const std::string result = journal.result(call.whole_number("result", 0, 0));
-        call.console.out << result;
+        if (!result.empty()) call.console.out << uncompressed(result);
         return result.empty() ? no_valid_answer : success;
     }
-    TableOptions options;
+    CampaignTableOptions options;
     options.times = call.has("times");
-    const std::string table = call.value("table", campaign_table_names.front());
-    for (std::size_t i = 0; i < campaign_table_names.size(); ++i)
-        if (table == campaign_table_names[i]) options.table = static_cast<CampaignTable>(i);
-    if (!call.has("out") || call.value("out", "") == "-") {
-        write_campaign_table(journal, call.console.out, options);
+    const auto write = campaign_tables().at(call.value("table", "tasks"));
+    if (call.value("out", "-") == "-") {
+        write(journal, call.console.out, options);
         return success;
     }
     write_atomically(call.value("out", ""), [&](const std::filesystem::path& temporary) {
         std::ofstream file(temporary, std::ios::binary);
-        write_campaign_table(journal, file, options);
+        write(journal, file, options);
         if (!file.flush()) throw std::runtime_error("cannot write " + temporary.string());
     });
-    return success;
-}
-
-int write_campaign_report_anew(const CommandCall&, const std::filesystem::path& folder) {
-    const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
-    write_campaign_report(journal, folder / "report.html");
     return success;
 }
 
@@ -163,10 +167,7 @@ struct Verb {
 };
 
 const std::vector<Verb>& verbs() {
-    static const std::vector<Verb> all{{"status", show_status},
-                                       {"retry", retry_failed},
-                                       {"export", write_tables},
-                                       {"report", write_campaign_report_anew}};
+    static const std::vector<Verb> all{{"status", show_status}, {"retry", retry_failed}, {"export", write_tables}};
     return all;
 }
 
@@ -177,7 +178,10 @@ std::vector<std::string> engine_choices() {
 }
 
 std::vector<std::string> campaign_table_choices() {
-    return campaign_table_names;
+    std::vector<std::string> names;
+    for (const auto& [name, write] : campaign_tables())
+        names.push_back(name);
+    return names;
 }
 
 std::vector<std::string> campaign_verbs() {

@@ -9,6 +9,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/campaign/plan/campaign_file.hpp"
+#include "apps/documents/atomic_file.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/check/data_check.hpp"
 #include "apps/program/check/flow_check.hpp"
@@ -26,6 +28,8 @@ JobReading read_and_report(const CommandCall& call) {
     const std::string& file = call.words[0];
     const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
     JobReading reading = read_job_file(file);
+    if (!reading.job && std::filesystem::is_regular_file(file) && is_campaign(read_whole_file(file)))
+        reading.problems = {{{0, 0}, "", fmt::format("is a campaign: orbid campaign {}", file), Problem::Kind::job}};
     for (const Problem& problem : reading.problems)
         call.console.error << error_text(message(problem, file), coloured) << '\n';
     return reading;
@@ -73,6 +77,14 @@ int run_estimation(const CommandCall& call) {
 
 int check_job(const CommandCall& call) {
     const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
+    if (const std::filesystem::path file = call.words[0];
+        std::filesystem::is_regular_file(file) && is_campaign(read_whole_file(file))) {
+        const CampaignReading reading = read_campaign(read_whole_file(file), file);
+        for (const Problem& problem : reading.problems)
+            call.console.error << error_text(message(problem, file.string()), coloured) << '\n';
+        if (reading.campaign) call.console.out << campaign_summary(*reading.campaign);
+        return reading.exit_code();
+    }
     const JobReading reading = read_and_report(call);
     if (!reading.job) return reading.exit_code();
     const Job& job = *reading.job;

@@ -48,7 +48,7 @@ std::vector<Command> job_commands() {
         job_command("estimate", "estimate the parameters", {"orbid estimate job.json --threads 2", ""}, run_estimation),
         Command{
             "check",
-            "every error of a job and its data, and what it would run and take",
+            "every error of a job or a campaign and its data, and what it would run and take",
             {job_word},
             {{"threads", "N", "threads that the estimate of the work is for (default 0: all cores)", WordKind::number},
              {"flow", "", "compare flows and derivatives by both steppers: \"verner\" and \"odeint\""}},

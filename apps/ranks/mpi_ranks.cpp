@@ -47,8 +47,13 @@ void abort_all(int status, void*) {
 class MpiRanks final : public estimator::Ranks {
 public:
     MpiRanks() : exceptions_(std::uncaught_exceptions()) {
+        // Threads of a computation ask in turn whether rank 0 wants it to stop.
         int given = MPI_THREAD_SINGLE;
-        MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &given);
+        MPI_Init_thread(nullptr, nullptr, MPI_THREAD_SERIALIZED, &given);
+        if (given < MPI_THREAD_SERIALIZED) {
+            MPI_Finalize();
+            throw std::runtime_error("this MPI cannot be called by several threads in turn (MPI_THREAD_SERIALIZED)");
+        }
         MPI_Comm_rank(MPI_COMM_WORLD, &rank_);
         MPI_Comm_size(MPI_COMM_WORLD, &count_);
         parts_.resize(static_cast<std::size_t>(count_));

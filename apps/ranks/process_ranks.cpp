@@ -34,7 +34,8 @@ std::size_t ProcessRanks::index(int rank) const {
 }
 
 void ProcessRanks::start(int rank) {
-    auto [here, there] = MessageChannel::connected();
+    auto ends = MessageChannel::connected();
+    MessageChannel &here = ends.first, &there = ends.second;
     ChildProcess process([&] {
         // Who holds rank 0's end of another process would keep that one waiting when rank 0 is gone.
         here.close();

@@ -20,11 +20,20 @@ packages=("$scratch"/cpack/*.deb)
 program=$(compgen -G "$scratch/cpack/orbid_*.deb") || fail "there is no package orbid"
 development=$(compgen -G "$scratch/cpack/liborbid-dev_*.deb") || fail "there is no package liborbid-dev"
 module=$(compgen -G "$scratch/cpack/python3-orbid_*.deb") || module=
+mpi=$(compgen -G "$scratch/cpack/orbid-mpi_*.deb") || mpi=
 depends=$(dpkg-deb -f "$program" Depends)
 for library in libc6 libtbb libhdf5; do
     [[ $depends == *$library* ]] || fail "orbid does not depend on $library: $depends"
 done
 [[ -z $module || $(dpkg-deb -f "$module" Depends) == *"python3 (<< 3."* ]] || fail "python3-orbid may meet another Python"
+# MPI stays out of the program: only its plug-in has it.
+[[ $depends != *mpi* ]] || fail "orbid depends on MPI: $depends"
+if [[ -f $build/lib/orbid/orbid-mpi.so ]]; then
+    [[ -n $mpi ]] || fail "there is no package orbid-mpi"
+    depends=$(dpkg-deb -f "$mpi" Depends)
+    [[ $depends == *"orbid (= "* && $depends == *mpi* ]] || fail "orbid-mpi depends on $depends"
+    dpkg-deb -c "$mpi" | grep -E '/lib/([^ /]*/)?orbid/orbid-mpi\.so$' >/dev/null || fail "orbid-mpi holds no plug-in"
+fi
 [[ $(dpkg-deb -f "$development" Depends) == *"orbid (= "* ]] || fail "liborbid-dev may meet another version of orbid"
 for package in "${packages[@]}"; do
     dpkg-deb -c "$package" | awk '$2 != "root/root" {exit 1}' || fail "$package holds files that are not root's"
@@ -41,10 +50,10 @@ in_overlay() {
     mount -t overlay overlay -o "lowerdir=/,upperdir=$scratch/layer/upper,workdir=$scratch/layer/work" "$root" || return 77
     [[ -x $root/usr/bin/dpkg ]] || return 77
     # Whatever is installed already is not ours to test.
-    if chroot "$root" dpkg -s orbid >/dev/null 2>&1; then chroot "$root" dpkg -r orbid liborbid-dev python3-orbid >/dev/null 2>&1; fi
+    if chroot "$root" dpkg -s orbid >/dev/null 2>&1; then chroot "$root" dpkg -r orbid liborbid-dev python3-orbid orbid-mpi >/dev/null 2>&1; fi
     mount --bind /proc "$root/proc" && mount --bind /dev "$root/dev" && mount -t tmpfs none "$root/tmp" || return 77
     mkdir -p "$root$source" && mount -t tmpfs none "$root$source"
-    cp "$program" "$development" ${module:+"$module"} "$root/tmp/"
+    cp "$program" "$development" ${module:+"$module"} ${mpi:+"$mpi"} "$root/tmp/"
     find "$scratch/layer/upper" ! -type d | sort >"$scratch/before"
     chroot "$root" dpkg -i "/tmp/$(basename "$program")" >"$scratch/log" 2>&1 || fail "dpkg -i: $(cat "$scratch/log")"
     chroot "$root" sh -c 'mkdir /tmp/empty && cd /tmp/empty && orbid run /usr/share/doc/orbid/examples/henon.json --out out --quiet' \
@@ -59,6 +68,10 @@ in_overlay() {
             fail "Python does not import orbid"
         [[ $(dpkg-deb -f "$module" Version) == "$version"-* ]] || fail "python3-orbid is of another version: $version"
         installed=(python3-orbid "${installed[@]}")
+    fi
+    if [[ -n $mpi ]]; then
+        chroot "$root" dpkg -i "/tmp/$(basename "$mpi")" >"$scratch/log" 2>&1 || fail "dpkg -i: $(cat "$scratch/log")"
+        installed=(orbid-mpi "${installed[@]}")
     fi
     chroot "$root" dpkg -r "${installed[@]}" >"$scratch/log" 2>&1 || fail "dpkg -r: $(cat "$scratch/log")"
     printf '%s\n' "${installed[@]}" >"$scratch/used"
@@ -88,7 +101,7 @@ below_folder() {
     [[ ! -e $root/usr ]] || fail "folders are left behind: $(find "$root/usr")"
 }
 export -f in_overlay fail
-export scratch source program development module test_name
+export scratch source program development module mpi test_name
 how="overlay of this machine's root"
 code=77
 if can_hide; then

@@ -141,12 +141,21 @@ std::vector<KnownValue> known_in_job(const std::string& text, const std::filesys
 }
 
 TaskWork::TaskWork(const CampaignTasks& tasks, const TaskRunner& runner, int rank)
-    : tasks_(tasks), runner_(runner), rank_(rank) {
+    : tasks_(tasks), runner_(runner), rank_(rank), drawn_(!tasks.campaign().draws.empty()) {
     std::array<char, 256> name{};
     if (::gethostname(name.data(), name.size() - 1) == 0) host_ = name.data();
     const std::filesystem::path& source = tasks.campaign().jobs.front().source;
     if (tasks.campaign().resampled && has_recorded_data(tasks.job_text(0), source))
         resampled_.emplace(source.parent_path());
+}
+
+const std::vector<KnownValue>& TaskWork::known_values(const std::string& job, std::int64_t number) const {
+    if (!drawn_ && known_group_ == tasks_.group(number)) return known_;
+    known_ = tasks_.known(number);
+    const std::vector<KnownValue> made = known_in_job(job, tasks_.base(number).source);
+    known_.insert(known_.end(), made.begin(), made.end());
+    known_group_ = tasks_.group(number);
+    return known_;
 }
 
 TaskRun TaskWork::run_resampled(const std::string& job, std::int64_t number,
@@ -185,9 +194,7 @@ TaskOutcome TaskWork::run(std::int64_t number, const std::function<bool()>& stop
             resampled_ ? run_resampled(job, number, asked) : runner_(job, tasks_.base(number).source, asked);
         outcome.exit_code = run.exit_code;
         if (!run.result.empty()) take_result(run.result, outcome);
-        known = tasks_.known(number);
-        const std::vector<KnownValue> made = known_in_job(job, tasks_.base(number).source);
-        known.insert(known.end(), made.begin(), made.end());
+        known = known_values(job, number);
         if (!run.problems.empty())
             fail(outcome, run.exit_code == data_code ? "data" : "invalid", first_line(run.problems));
         else if (run.result.empty())

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "apps/campaign/engine/resampled_data.hpp"
 #include "apps/campaign/journal/task_outcome.hpp"
@@ -27,7 +28,7 @@ struct TaskRun {
 using TaskRunner = std::function<TaskRun(const std::string& text, const std::filesystem::path& source,
                                          const std::function<bool()>& stopped)>;
 
-/// Runs the tasks of a campaign, one after the other.
+/// Runs the tasks of a campaign, one after the other, in one thread.
 class TaskWork {
 public:
     /// @param rank  noted with each outcome.
@@ -38,6 +39,7 @@ public:
     [[nodiscard]] TaskOutcome run(std::int64_t number, const std::function<bool()>& stopped) const;
 
 private:
+    [[nodiscard]] const std::vector<KnownValue>& known_values(const std::string& job, std::int64_t number) const;
     [[nodiscard]] TaskRun run_resampled(const std::string& job, std::int64_t number,
                                         const std::function<bool()>& stopped) const;
 
@@ -46,6 +48,9 @@ private:
     int rank_;
     std::string host_;
     std::optional<ResampledData> resampled_;
+    bool drawn_;  ///< each replicate may have a truth of its own
+    mutable std::int64_t known_group_ = -1;
+    mutable std::vector<KnownValue> known_;  ///< of that group
 };
 
 /// What result.json says, put into an outcome.

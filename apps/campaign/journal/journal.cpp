@@ -1,6 +1,7 @@
 #include "apps/campaign/journal/journal.hpp"
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -12,7 +13,7 @@ namespace orbid::apps {
 namespace {
 
 /// Files up to this size are checked whole whenever they are opened.
-constexpr std::uintmax_t small_file = std::uintmax_t{64} << 20;
+constexpr std::uintmax_t small_file = std::uintmax_t{32} << 20;
 
 /// The write-ahead log grows to about 32 MB before its pages go to their places, and the cache holds as much twice.
 constexpr const char* writer_settings =
@@ -129,6 +130,11 @@ void Journal::check() const {
     }
     each_row([](const Row&) {});
     Transaction view(database_->file, Transaction::Kind::read);
+    Statement others(
+        file, fmt::format("SELECT {} FROM outcome WHERE task NOT IN (SELECT number FROM plan)", outcome_columns));
+    OutcomeRow outcome;
+    while (others.step())
+        if (!read_outcome(others, 0, outcome)) damaged_task(file.path(), others.integer(0));
     Statement results(file,
                       "SELECT task, result_checksum, content FROM outcome LEFT JOIN result USING(task) "
                       "WHERE result_checksum <> 0 ORDER BY task");
@@ -139,6 +145,7 @@ void Journal::check() const {
 
 void Journal::add_tasks(std::span<const TaskPlan> tasks) {
     RowWriter& rows = database_->writer();
+    std::vector<int>& attempts = database_->attempts();
     Transaction transaction(database_->file, Transaction::Kind::write);
     for (const TaskPlan& plan : tasks) {
         if (plan.number < 0 || plan.number >= database_->head.tasks)
@@ -150,6 +157,10 @@ void Journal::add_tasks(std::span<const TaskPlan> tasks) {
         if (!rows.plan(plan)) throw std::invalid_argument(fmt::format("task {} is added twice", plan.number));
     }
     transaction.commit();
+    for (const TaskPlan& plan : tasks) {
+        int& count = attempts[static_cast<std::size_t>(plan.number)];
+        count = -1 - count;
+    }
 }
 
 std::int64_t Journal::added() const {
@@ -180,18 +191,22 @@ std::vector<std::int64_t> Journal::waiting() const {
 
 void Journal::store(std::span<const TaskOutcome> outcomes) {
     RowWriter& rows = database_->writer();
+    std::vector<int>& attempts = database_->attempts();
+    std::map<std::int64_t, int> now;  ///< counted when all is written
     Transaction transaction(database_->file, Transaction::Kind::write);
     for (const TaskOutcome& outcome : outcomes) {
         if (outcome.state == TaskState::waiting)
             throw std::invalid_argument(fmt::format("the outcome of task {} is that it waits", outcome.number));
-        const auto attempts = rows.attempts(outcome.number);
-        if (!attempts) throw std::invalid_argument(fmt::format("there is no task {}", outcome.number));
-        OutcomeRow row = outcome_row(outcome);
-        row.attempts = *attempts + 1;
-        if (*attempts > 0) {
+        if (outcome.number < 0 || outcome.number >= head().tasks ||
+            attempts[static_cast<std::size_t>(outcome.number)] < 0)
+            throw std::invalid_argument(fmt::format("there is no task {}", outcome.number));
+        const auto [known, first] = now.try_emplace(outcome.number, attempts[static_cast<std::size_t>(outcome.number)]);
+        if (known->second > 0) {
             rows.remove_parameters(outcome.number);
             rows.remove_result(outcome.number);
         }
+        OutcomeRow row = outcome_row(outcome);
+        row.attempts = ++known->second;
         rows.outcome(row);
         int position = 0;
         for (const TaskParameter& parameter : outcome.parameters)
@@ -199,6 +214,8 @@ void Journal::store(std::span<const TaskOutcome> outcomes) {
         if (!outcome.result.empty()) rows.result(outcome.number, outcome.result);
     }
     transaction.commit();
+    for (const auto& [number, count] : now)
+        attempts[static_cast<std::size_t>(number)] = count;
 }
 
 std::int64_t Journal::retry(const std::string& status) {

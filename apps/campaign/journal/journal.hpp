@@ -19,6 +19,7 @@ class SqliteFile;
 struct VariedColumn {
     std::string name;     ///< column in tables: unique among them
     std::string pointer;  ///< JSON Pointer into the job; empty: not a value of the job (its file, a replicate's number)
+    bool replicate = false;  ///< differs between replicates of the same setting: a seed, a value drawn anew
 };
 
 /// What a journal says of its campaign.
@@ -78,7 +79,7 @@ public:
     /// @throws JournalError when it cannot be made.
     [[nodiscard]] static Journal create(const std::filesystem::path& file, const JournalHead& head);
     /// @throws JournalError when the file is not a whole journal, or, for writing, another process writes it.
-    /// For writing every row is checked; for reading every row of a file up to 64 MB, of a larger one only what tells
+    /// For writing every row is checked; for reading every row of a file up to 32 MB, of a larger one only what tells
     /// what the file is: the rest is checked when it is read.
     [[nodiscard]] static Journal open(const std::filesystem::path& file, Access access);
     /// Makes a new journal of what is whole in a damaged one, which stays beside it under another name. Tasks whose

@@ -81,7 +81,6 @@ OutcomeRow outcome_row(const TaskOutcome& outcome) {
 
 RowWriter::RowWriter(SqliteFile& file)
     : file_(file),
-      attempts_(file, "SELECT attempts FROM plan LEFT JOIN outcome ON task = number WHERE number = ?"),
       plan_(file, insertion("IGNORE", "plan", plan_column_count)),
       outcome_(file, insertion("REPLACE", "outcome", outcome_column_count)),
       parameter_(file, insertion("IGNORE", "parameter", parameter_column_count)),
@@ -99,14 +98,6 @@ bool RowWriter::plan(const TaskPlan& plan) {
         plan_.run(plan.number, Blob{bytes}, plan.seed, choices, plan_checksum(plan));
     }
     return sqlite3_changes(file_.handle()) == 1;
-}
-
-std::optional<int> RowWriter::attempts(std::int64_t task) {
-    attempts_.bind(task);
-    if (!attempts_.step()) return {};
-    const auto attempts = static_cast<int>(attempts_.integer(0));
-    attempts_.reset();
-    return attempts;
 }
 
 void RowWriter::outcome(const OutcomeRow& row) {

@@ -61,7 +61,7 @@ constexpr std::string_view views = R"sql(
 CREATE VIEW campaign AS SELECT entry.key, entry.value FROM head, json_each(head.content) AS entry
   WHERE entry.key <> 'varied';
 CREATE VIEW varied AS SELECT entry.key AS position, json_extract(entry.value, '$.name') AS name,
-  json_extract(entry.value, '$.pointer') AS pointer FROM head, json_each(head.content, '$.varied') AS entry;
+  json_extract(entry.value, '$.pointer') AS pointer, json_extract(entry.value, '$.replicate') AS replicate FROM head, json_each(head.content, '$.varied') AS entry;
 CREATE VIEW task AS SELECT plan.number, CASE typeof(key) WHEN 'blob' THEN lower(hex(key)) ELSE key END AS key,
   coalesce(state, 'waiting') AS state, coalesce(attempts, 0) AS attempts, seed, started, seconds, processor_seconds,
   host, rank, exit_code, status, message, objective, intervals, covered, choices
@@ -98,7 +98,7 @@ void make_views(SqliteFile& file, const JournalHead& head) {
 std::string head_text(const JournalHead& head) {
     nlohmann::ordered_json varied = nlohmann::ordered_json::array();
     for (const VariedColumn& column : head.varied)
-        varied.push_back({{"name", column.name}, {"pointer", column.pointer}});
+        varied.push_back({{"name", column.name}, {"pointer", column.pointer}, {"replicate", column.replicate}});
     const nlohmann::ordered_json json{{"title", head.title}, {"kind", head.kind},       {"document", head.document},
                                       {"key", head.key},     {"version", head.version}, {"created", head.created},
                                       {"tasks", head.tasks}, {"varied", varied}};
@@ -117,7 +117,7 @@ JournalHead head_from_text(std::string_view text) {
                          .tasks = json.at("tasks"),
                          .varied = {}};
         for (const auto& column : json.at("varied"))
-            head.varied.push_back({column.at("name"), column.at("pointer")});
+            head.varied.push_back({column.at("name"), column.at("pointer"), column.value("replicate", false)});
         return head;
     } catch (const nlohmann::json::exception& error) {
         throw JournalDamaged(fmt::format("the journal does not say what its campaign is: {}", error.what()));

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -83,8 +82,6 @@ public:
     explicit RowWriter(SqliteFile& file);
     /// @return false, and nothing is written, when there is such a task already.
     [[nodiscard]] bool plan(const TaskPlan& plan);
-    /// How often a task was run; nothing when there is no such task.
-    [[nodiscard]] std::optional<int> attempts(std::int64_t task);
     /// Replaces what there is of the task.
     void outcome(const OutcomeRow& row);
     void parameter(std::int64_t task, int position, const TaskParameter& parameter);
@@ -95,7 +92,6 @@ public:
 
 private:
     SqliteFile& file_;
-    Statement attempts_;
     Statement plan_;
     Statement outcome_;
     Statement parameter_;

@@ -101,12 +101,34 @@ SqliteFile::~SqliteFile() {
 }
 
 void SqliteFile::close() noexcept {
+    for (const auto& [sql, statement] : often_)
+        sqlite3_finalize(statement);
+    often_.clear();
     sqlite3_close_v2(database_);
     database_ = nullptr;
 }
 
 void SqliteFile::run(const std::string& sql) {
     check(sqlite3_exec(database_, sql.c_str(), nullptr, nullptr, nullptr));
+}
+
+void SqliteFile::run_often(std::string_view sql) {
+    auto found = often_.find(sql);
+    if (found == often_.end()) {
+        sqlite3_stmt* statement = nullptr;
+        check(sqlite3_prepare_v2(database_, sql.data(), static_cast<int>(sql.size()), &statement, nullptr));
+        found = often_.emplace(sql, statement).first;
+    }
+    const int status = sqlite3_step(found->second);
+    if (status != SQLITE_DONE) {
+        try {
+            throw_sqlite_error(database_, status, file_);
+        } catch (...) {
+            sqlite3_reset(found->second);
+            throw;
+        }
+    }
+    sqlite3_reset(found->second);
 }
 
 std::int64_t SqliteFile::number(const std::string& sql) {
@@ -141,9 +163,8 @@ std::string_view Statement::bytes(int column) const {
 }
 
 Transaction::Transaction(SqliteFile& file, Kind kind) : file_(file) {
-    // A view within a view is the same one.
     open_ = kind == Kind::write || sqlite3_get_autocommit(file.handle()) != 0;
-    if (open_) file_.run(kind == Kind::write ? "BEGIN IMMEDIATE" : "BEGIN");
+    if (open_) file_.run_often(kind == Kind::write ? "BEGIN IMMEDIATE" : "BEGIN");
 }
 
 Transaction::~Transaction() {
@@ -152,7 +173,7 @@ Transaction::~Transaction() {
 }
 
 void Transaction::commit() {
-    file_.run("COMMIT");
+    file_.run_often("COMMIT");
     open_ = false;
 }
 

@@ -2,9 +2,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <limits>
+#include <map>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 
@@ -30,6 +31,8 @@ public:
 
     /// Statements without result, one after the other.
     void run(const std::string& sql);
+    /// A statement without result that is run again and again: prepared once.
+    void run_often(std::string_view sql);
     /// The first column of the first row; 0 without rows.
     [[nodiscard]] std::int64_t number(const std::string& sql);
     [[nodiscard]] const std::filesystem::path& path() const { return file_; }
@@ -44,6 +47,7 @@ private:
 
     std::filesystem::path file_;
     sqlite3* database_ = nullptr;
+    std::map<std::string, sqlite3_stmt*, std::less<>> often_;
 };
 
 /// Bytes that are no text.
@@ -124,6 +128,7 @@ private:
 class Transaction {
 public:
     enum class Kind { read, write };
+    /// A view (read) within another transaction is part of it.
     Transaction(SqliteFile& file, Kind kind);
     ~Transaction();
     Transaction(const Transaction&) = delete;

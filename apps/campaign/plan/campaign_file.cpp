@@ -145,4 +145,29 @@ CampaignReading read_campaign(std::string_view text, const std::filesystem::path
     return reading;
 }
 
+bool is_campaign(std::string_view text) {
+    const auto document = nlohmann::ordered_json::parse(text, nullptr, false, true);
+    return document.is_object() && document.contains("kind") &&
+           (document.contains("job") || document.contains("jobs") || document.contains("run"));
+}
+
+std::string campaign_summary(const Campaign& campaign) {
+    const CampaignTasks tasks(campaign);
+    std::string text =
+        fmt::format("{}\n  kind       {}\n  tasks      {}\n", campaign.title.empty() ? "a campaign" : campaign.title,
+                    campaign_kind_names[static_cast<std::size_t>(campaign.kind)], tasks.count());
+    if (campaign.jobs.size() > 1) text += fmt::format("  jobs       {}\n", campaign.jobs.size());
+    for (const VariedFactor& factor : campaign.factors)
+        for (std::size_t key = 0; key < factor.names.size(); ++key)
+            text += fmt::format("  varies     {}: {} values of {}\n", factor.names[key], factor.settings.size(),
+                                factor.pointers[key]);
+    for (const VariedDraw& draw : campaign.draws)
+        text += fmt::format("  drawn      {}: {}\n", draw.name, draw.pointer);
+    if (campaign.seeded)
+        text += fmt::format("  seeds      {} to {}\n", campaign.seed,
+                            campaign.seed + static_cast<std::uint64_t>(campaign.replicates - 1));
+    if (campaign.seconds > 0.0) text += fmt::format("  limit      {} s for each task\n", campaign.seconds);
+    return text;
+}
+
 }  // namespace orbid::apps

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -25,6 +26,12 @@ struct CampaignReading {
 /// @param text    JSON with comments.
 /// @param source  path of the file: relative paths start at its folder.
 [[nodiscard]] CampaignReading read_campaign(std::string_view text, const std::filesystem::path& source);
+
+/// Whether a file is meant as a campaign: an object with "kind" and one of "job", "jobs", "run", which no job has.
+[[nodiscard]] bool is_campaign(std::string_view text);
+
+/// What a campaign would run, for people: one line for each thing that varies.
+[[nodiscard]] std::string campaign_summary(const Campaign& campaign);
 
 /// What a campaign may contain; `orbid schema --campaign` and docs/campaign_reference.md follow it.
 [[nodiscard]] const ValueSchema& campaign_description();

@@ -110,8 +110,9 @@ CampaignTasks::CampaignTasks(Campaign campaign) : campaign_(std::move(campaign))
         for (std::size_t key = 0; key < factor.names.size(); ++key)
             columns_.push_back({factor.names[key], factor.pointers[key]});
     for (const VariedDraw& draw : campaign_.draws)
-        columns_.push_back({draw.name, draw.pointer});
-    if (campaign_.seeded || campaign_.replicates > 1) columns_.push_back({"seed", campaign_.seeded ? "/seed" : ""});
+        columns_.push_back({draw.name, draw.pointer, true});
+    if (campaign_.seeded || campaign_.replicates > 1)
+        columns_.push_back({"seed", campaign_.seeded ? "/seed" : "", true});
     check_columns(columns_);
     for (const Json& base : bases_) {
         Json tried = base;

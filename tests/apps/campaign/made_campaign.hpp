@@ -24,7 +24,7 @@ inline apps::JournalHead made_head(std::int64_t tasks) {
             .version = "0.1.0",
             .created = 1.7e9,
             .tasks = tasks,
-            .varied = {{"noise", "/data/simulate/noise"}, {"seed", "/data/simulate/seed"}}};
+            .varied = {{"noise", "/data/simulate/noise"}, {"seed", "/data/simulate/seed", true}}};
 }
 
 inline apps::TaskPlan made_plan(std::int64_t number) {

@@ -7,7 +7,6 @@ PROGRAM is mpi_ranks_check, OTHER_PLUGIN a plug-in of another version of orbid, 
 it was built. Exit code 77: without it, or without mpiexec, only the messages were looked at.
 """
 
-import os
 import shutil
 import subprocess
 import sys
@@ -15,15 +14,14 @@ import tempfile
 import time
 from pathlib import Path
 
-NUMBERS = ("OMPI_", "PMIX_", "PMI_", "SLURM_", "ORBID_PLUGINS")
-CLEAN = {name: value for name, value in os.environ.items() if not name.startswith(NUMBERS)}
+from mpiexec import CLEAN, starter
 
 
-def run(command, **variables):
+def run(command, environment=None, **variables):
     begun = time.monotonic()
     # Open MPI itself leaves memory behind.
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False,
-                          env={**CLEAN, "ASAN_OPTIONS": "detect_leaks=0", **variables})
+                          env={**(environment or CLEAN), "ASAN_OPTIONS": "detect_leaks=0", **variables})
     return done.returncode, done.stdout, done.stderr, time.monotonic() - begun
 
 
@@ -55,36 +53,31 @@ def check_messages(program, other_plugin):
         expect(found[0] == 3 and f"{plugin} cannot be loaded" in found[2], "no library is loaded", found)
 
 
-def check_ranks(mpiexec, program):
+def check_ranks(mpiexec, environment, program):
     """Exchanges, and ranks that fail or die."""
     for count in (1, 2, 3):
-        found = run([*mpiexec, "-n", str(count), program, "exchange"])
+        found = run([*mpiexec, "-n", str(count), program, "exchange"], environment)
         expect(found[:2] == (0, f"{count} ranks have exchanged messages\n"), f"{count} ranks", found)
         print(f"{count} ranks: {found[3]:.1f} s")
-    found = run([*mpiexec, "-n", "3", program, "exception"])
+    found = run([*mpiexec, "-n", "3", program, "exception"], environment)
     expect(found[0] == 3 and "error: the last rank fails" in found[2] and found[3] < 60,
            "an exception does not end all ranks with its exit code", found)
-    found = run([*mpiexec, "-n", "3", program, "death"])
+    found = run([*mpiexec, "-n", "3", program, "death"], environment)
     expect(found[0] not in (0, 3) and found[3] < 60, "the death of a rank does not end all", found)
     # Started by something that says there are more ranks than MPI knows of.
-    found = run([program, "exchange"], SLURM_STEP_NUM_TASKS="2")
+    found = run([program, "exchange"], environment, SLURM_STEP_NUM_TASKS="2")
     expect(found[0] != 0 and "2 ranks were started, but MPI knows of 1" in found[2], "single ranks are taken", found)
 
 
 def main():
     program, other_plugin, *plugin = sys.argv[1:]
     check_messages(program, other_plugin)
-    mpiexec = shutil.which("mpiexec")
-    if mpiexec is None or not plugin:
+    started = starter()
+    if started is None or not plugin:
         print(f"skipped: there is no {'mpiexec' if plugin else 'MPI plug-in in this build'}")
         return 77
-    CLEAN["ORBID_PLUGINS"] = plugin[0]
-    version = run([mpiexec, "--version"])[1]
-    if "OpenRTE" in version or "Open MPI" in version:
-        CLEAN.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
-        check_ranks([mpiexec, "--oversubscribe"], program)
-    else:
-        check_ranks([mpiexec], program)
+    command, environment = started
+    check_ranks(command, {**environment, "ORBID_PLUGINS": plugin[0]}, program)
     return 0
 
 
