@@ -65,15 +65,16 @@ CampaignTasks tasks_of(const Journal& journal) {
 WaitingRun run_waiting(const CampaignTasks& tasks, Journal& journal, const CampaignOptions& options,
                        const DealerCalls& calls) {
     LiveReport report(journal, options.out);
-    DealerCalls with_report = calls;
-    with_report.progress = [&](const CampaignProgress& progress) {
+    DealerCalls reporting = calls;
+    reporting.progress = [&](const CampaignProgress& progress) {
         if (calls.progress) calls.progress(progress);
         report.renew();
     };
-    const bool ended = run_campaign(tasks, journal, options, run_task, with_report);
+    reporting.before_fork = [&] { report.wait(); };
+    const bool ended = run_campaign(tasks, journal, options, run_task, reporting);
     report.finish();
     const int code = !ended ? ended_by_signal : journal.counts().done > 0 ? success : no_valid_answer;
-    return {code, status_text(journal.head(), campaign_status(journal))};
+    return {code, campaign_status(journal)};
 }
 
 int refusals_told(const std::function<void(const std::string&)>& tell, const std::function<int()>& work) {

@@ -71,7 +71,7 @@ std::size_t ParameterSeries::z_bin(double z) {
 CampaignFindings campaign_findings(const Journal& journal, const std::function<bool()>& interrupted) {
     CampaignFindings out;
     out.head = &journal.head();
-    out.status = campaign_status(journal);
+    out.status = read_campaign_status(journal);
     out.groups = CampaignGroups(out.head->varied, CampaignFindings::most_groups);
     for (std::size_t k = 0; k < out.head->varied.size(); ++k)
         if (is_quantity(out.head->varied[k]))

@@ -60,6 +60,10 @@ LiveReport::LiveReport(const Journal& journal, std::filesystem::path folder)
     : journal_(journal), file_(std::move(folder) / "report.html"), next_(Clock::now()) {}
 
 LiveReport::~LiveReport() {
+    wait();
+}
+
+void LiveReport::wait() const {
     if (writing_.valid()) writing_.wait();
 }
 
@@ -83,7 +87,7 @@ void LiveReport::renew() {
 }
 
 void LiveReport::finish() {
-    if (writing_.valid()) writing_.wait();
+    wait();
     writing_ = {};
     write_page(journal_, file_, 0);
 }

@@ -41,6 +41,8 @@ public:
     /// Begins to write if it is time to: 10 s after the last time at the earliest, and so that writing takes a
     /// twentieth of the time at most. A page that cannot be written is left for the next time.
     void renew();
+    /// Waits for the writing that is under way: afterwards there is no thread of the report.
+    void wait() const;
     /// Writes the last state, from the journal given.
     /// @throws JournalError; std::runtime_error when the file cannot be written.
     void finish();

@@ -103,7 +103,7 @@ std::string message_pattern(const std::string& message) {
     return out;
 }
 
-CampaignStatus campaign_status(const Journal& journal) {
+CampaignStatus read_campaign_status(const Journal& journal) {
     CampaignStatus out;
     out.first_start = std::nan("");
     out.last_end = std::nan("");
@@ -143,6 +143,10 @@ std::string time_words(const CampaignStatus& status) {
                        duration_words(status.counts.seconds), duration_words(status.counts.processor_seconds),
                        duration_words(status.counts.seconds / ended),
                        duration_words(status.last_end - status.first_start));
+}
+
+std::string campaign_status(const Journal& journal) {
+    return status_text(journal.head(), read_campaign_status(journal));
 }
 
 std::string status_text(const JournalHead& head, const CampaignStatus& status, std::size_t most_reasons) {

@@ -37,10 +37,12 @@ struct CampaignStatus {
 };
 
 /// Reads what the journal says of all tasks that ended, without the checksum of each row: under a second for 10^6.
-[[nodiscard]] CampaignStatus campaign_status(const Journal& journal);
+[[nodiscard]] CampaignStatus read_campaign_status(const Journal& journal);
 
 /// What `orbid campaign status` prints.
-/// @param most_reasons  that are listed.
+[[nodiscard]] std::string campaign_status(const Journal& journal);
+
+/// The same of what was read. @param most_reasons  that are listed.
 [[nodiscard]] std::string status_text(const JournalHead& head, const CampaignStatus& status,
                                       std::size_t most_reasons = 10);
 
