@@ -160,7 +160,7 @@ print(db.execute("SELECT lower IS NULL, z IS NULL FROM parameter WHERE name='sig
         "[('done', 31), ('failed', 4), ('waiting', 5)]\n('{}', 1, 'not converged')\n(0.02,)\n(4, 0.02, 1)\n{}({}, {}, ",
         apps::sha256("4"), tests::made_result(7), count, covered);
     CHECK(said.substr(0, expected.size()) == expected);
-    CHECK(std::stod(said.substr(expected.size())) == Approx(squares / count).epsilon(1e-12));
+    CHECK_THAT(std::stod(said.substr(expected.size())), tests::WithinRel(squares / count, 1e-12));
     CHECK_THAT(said, ContainsSubstring("(1, 1)\n"));
 }
 
