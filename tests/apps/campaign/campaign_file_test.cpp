@@ -96,7 +96,7 @@ TEST_CASE("A range meets both ends, and whole values stay whole", "[campaign]") 
     const auto& factors = reading.campaign->factors;
     REQUIRE(factors[0].settings.size() == 5);
     CHECK(factors[0].settings[1][0].dump() == "200");
-    CHECK(factors[1].settings[1][0].get<double>() == Catch::Approx(1e-3).epsilon(1e-14));
+    CHECK(factors[1].settings[1][0].get<double>() == Approx(1e-3).epsilon(1e-14));
     CHECK(factors[1].settings[2][0].get<double>() == 1e-2);
 }
 
