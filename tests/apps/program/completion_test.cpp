@@ -90,6 +90,11 @@ TEST_CASE("bash completes commands, options, models, jobs and folders", "[apps][
         CHECK(models.count(model) == 1);
     CHECK(shell.offers("new landing_gear_damper wave") == List{"waveform"});
     CHECK(shell.offers("run other.json \"\"").empty());
+    CHECK(shell.offers("campaign \"\"") ==
+          List{"my job.json", "other.json", "results", "status", "retry", "export", "report"});
+    CHECK(shell.offers("campaign re") == List{"results", "retry", "report"});
+    CHECK(shell.offers("campaign status \"\"") == List{"results"});
+    CHECK(shell.offers("new campaign boot") == List{"bootstrap"});
     CHECK(shell.offers("nonsense \"\"").empty());
 }
 
