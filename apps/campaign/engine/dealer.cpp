@@ -134,6 +134,7 @@ void Dealer::lose(int rank) {
     }
     for (; !lost.dealt.empty(); lost.dealt.pop_back())
         queue_.put_back(lost.dealt.back());
+    if (calls_.before_fork) calls_.before_fork();
     if (!crew_.restart(rank)) return;
     lost.gone = false;
     greet(rank);

@@ -28,6 +28,7 @@ struct CampaignProgress {
 struct DealerCalls {
     std::function<bool()> stopped;                                   ///< leave, with what is stored
     std::function<void(const CampaignProgress& progress)> progress;  ///< now and then, at most ten times a second
+    std::function<void()> before_fork;  ///< a process is to be forked: the caller ends its threads
 };
 
 /// Rank 0 of a campaign: deals waiting tasks, stores what comes back, until none waits or it is stopped. Outcomes that

@@ -27,12 +27,15 @@ Enum named(const Json& name, const std::vector<std::string>& names) {
 }
 
 Json factor_document(const VariedFactor& factor) {
-    return {{"names", factor.names}, {"keys", factor.pointers}, {"settings", factor.settings}};
+    Json document{{"names", factor.names}, {"keys", factor.pointers}, {"settings", factor.settings}};
+    if (factor.multiplied) document["multiplied"] = true;
+    return document;
 }
 
 VariedFactor factor_from(const Json& document) {
     return {document.at("names"), document.at("keys"),
-            document.at("settings").get<std::vector<std::vector<nlohmann::ordered_json>>>()};
+            document.at("settings").get<std::vector<std::vector<nlohmann::ordered_json>>>(),
+            document.value("multiplied", false)};
 }
 
 Json draw_document(const VariedDraw& draw) {

@@ -30,6 +30,7 @@ struct VariedFactor {
     std::vector<std::string> pointers;  ///< JSON Pointers into the job
     /// [setting][key]
     std::vector<std::vector<nlohmann::ordered_json>> settings;
+    bool multiplied = false;  ///< settings are numbers by which all numbers of the job at that key are multiplied
 };
 
 /// What is drawn anew for every replicate.

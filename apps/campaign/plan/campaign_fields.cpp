@@ -46,6 +46,34 @@ void read_jobs(const ValueReader& value, const Job& place, CampaignText& text) {
         text.campaign.jobs.push_back({path.stem().string(), read_whole_file(path), path});
 }
 
+/// Merged into the jobs, by name, as JSON Merge Patch (RFC 7386): null removes a key.
+void change_jobs(const ValueReader& value, const Json& changes, Campaign& campaign) {
+    std::vector<std::string> names;
+    for (const BaseJob& job : campaign.jobs)
+        names.push_back(job.name);
+    for (const auto& [name, change] : changes.items()) {
+        const auto found = std::find(names.begin(), names.end(), name);
+        if (found == names.end()) {
+            value.report(fmt::format("there is no job \"{}\"{}", name, suggestion(name, names)));
+            continue;
+        }
+        std::string& text = campaign.jobs[static_cast<std::size_t>(found - names.begin())].text;
+        Json job = Json::parse(text, nullptr, false, true);
+        if (!job.is_object()) continue;  // reported where jobs are checked
+        job.merge_patch(change);
+        text = job.dump(2);
+    }
+}
+
+void read_changes(const ValueReader& value, const Job&, CampaignText& text) {
+    if (value.is(JsonValue::Kind::object)) return change_jobs(value, text.written(value), text.campaign);
+    const auto path = read_path(value, text.place);
+    if (!path || !std::filesystem::is_regular_file(*path)) return;
+    const Json changes = Json::parse(read_whole_file(*path), nullptr, false, true);
+    if (!changes.is_object()) return value.report(fmt::format("\"{}\" is no object of JSON", path->string()));
+    change_jobs(value, changes, text.campaign);
+}
+
 /// Data are drawn at the estimates of a run: these are the truth, and what simulated data are made by.
 void take_estimates(const Json& result, Json& job, Campaign& campaign) {
     for (const auto& [name, estimate] : result["parameters"].items()) {
@@ -140,12 +168,17 @@ const FieldTable<Campaign>& limit_fields() {
     return table;
 }
 
-ValueSchema job_value() {
+/// An object of JSON; what may stand in it is checked where the job is read.
+ValueSchema job_part() {
     ValueSchema object = anything();
     object.anything = false;
     object.object = std::make_shared<ObjectSchema>(
         ObjectSchema{{}, EntriesSchema{std::make_shared<ValueSchema>(anything()), "a key of a job"}, {}, 0});
-    return file_name() | object;
+    return object;
+}
+
+ValueSchema job_value() {
+    return file_name() | job_part();
 }
 
 }  // namespace
@@ -182,6 +215,12 @@ const FieldTable<CampaignText>& campaign_fields() {
                 key("jobs", file_name() | entries(job_value(), "the job, as tables call it", {}, 1),
                     "Several jobs by name, or all files that match a pattern."),
                 read_jobs),
+            reading_field<CampaignText>(
+                key("changes", file_name() | entries(job_part(), "a job of \"jobs\"", {}, 1),
+                    "Merged into the jobs, by their names, before anything varies; null removes a key.")
+                    .with("jobs"),
+                read_changes)
+                .read_after("jobs"),
             reading_field<CampaignText>(
                 key("run", text("a folder"), "A finished run whose data are drawn anew.").with("kind", {"bootstrap"}),
                 read_run),

@@ -44,6 +44,19 @@ void check_columns(const std::vector<VariedColumn>& columns) {
     }
 }
 
+/// How many numbers there were.
+std::size_t multiply_numbers(Json& value, double factor) {
+    if (value.is_number()) {
+        value = value.get<double>() * factor;
+        return 1;
+    }
+    std::size_t numbers = 0;
+    if (value.is_structured())
+        for (Json& part : value)
+            numbers += multiply_numbers(part, factor);
+    return numbers;
+}
+
 /// A parameter of a grid keeps its value: it leaves the estimate.
 void hold(Json& job, const std::string& parameter) {
     if (const auto estimate = job.find("estimate"); estimate != job.end() && estimate->contains("parameters"))
@@ -85,6 +98,12 @@ void set_value(Json& job, const std::string& pointer, const Json& value) {
     *at = value;
 }
 
+void multiply_value(Json& job, const std::string& pointer, double factor) {
+    const Json::json_pointer place(pointer);
+    if (!job.contains(place) || multiply_numbers(job[place], factor) == 0)
+        throw std::invalid_argument(fmt::format("{}: the job has no number there to multiply", pointer));
+}
+
 double CampaignTasks::count_of(const Campaign& campaign) {
     double count = static_cast<double>(campaign.jobs.size()) * static_cast<double>(campaign.replicates);
     for (const VariedFactor& factor : campaign.factors)
@@ -116,6 +135,8 @@ CampaignTasks::CampaignTasks(Campaign campaign) : campaign_(std::move(campaign))
     check_columns(columns_);
     for (const Json& base : bases_) {
         Json tried = base;
+        for (const VariedFactor& factor : campaign_.factors)
+            if (factor.multiplied) multiply_value(tried, factor.pointers.front(), 1.0);
         for (const VariedColumn& column : columns_)
             if (!column.pointer.empty()) set_value(tried, column.pointer, nullptr);
     }
@@ -177,6 +198,10 @@ std::string CampaignTasks::job_text(std::int64_t number) const {
     Json job = bases_[at.job];
     for (std::size_t i = 0; i < campaign_.factors.size(); ++i) {
         const VariedFactor& factor = campaign_.factors[i];
+        if (factor.multiplied) {
+            multiply_value(job, factor.pointers.front(), factor.settings[at.settings[i]].front().get<double>());
+            continue;
+        }
         for (std::size_t key = 0; key < factor.pointers.size(); ++key)
             set_value(job, factor.pointers[key], factor.settings[at.settings[i]][key]);
     }

@@ -59,4 +59,8 @@ private:
 /// @throws std::invalid_argument naming the part of the pointer that leads nowhere.
 void set_value(nlohmann::ordered_json& job, const std::string& pointer, const nlohmann::ordered_json& value);
 
+/// Multiplies every number at a place of a job, those of an object or a list there too.
+/// @throws std::invalid_argument when there is no number; what() names the pointer.
+void multiply_value(nlohmann::ordered_json& job, const std::string& pointer, double factor);
+
 }  // namespace orbid::apps

@@ -68,6 +68,7 @@ struct Variation {
     std::vector<std::string> names;
     std::vector<std::string> pointers;
     std::vector<std::vector<Json>> settings;
+    bool multiplied = false;
     std::optional<VariedDraw> draw;
 };
 
@@ -165,6 +166,13 @@ FieldTable<Variation> variation_fields(const CampaignText* file) {
                 add_settings(file_values(value, place), one);
             }),
         reading_field<Variation>(
+            key("multiply_by", list(number(), 1), "All numbers there are multiplied by each of these.").with("key"),
+            [file](const ValueReader& value, const Job&, Variation& one) {
+                for (const ValueReader& item : value.items())
+                    one.settings.push_back({file->written(item)});
+                one.multiplied = true;
+            }),
+        reading_field<Variation>(
             key("draw", draw_value(), "A value drawn for every replicate.").with("key"),
             [](const ValueReader& value, const Job&, Variation& one) { one.draw = read_draw(value); })};
 }
@@ -180,12 +188,13 @@ void read_variation(const ValueReader& value, CampaignText& text) {
         one.draw->pointer = one.pointers.front();
         text.campaign.draws.push_back(*one.draw);
     } else {
-        text.campaign.factors.push_back({one.names, one.pointers, one.settings});
+        text.campaign.factors.push_back({one.names, one.pointers, one.settings, one.multiplied});
     }
 }
 
 ValueSchema variation() {
-    ValueSchema schema = object(keys_of(variation_fields(nullptr)), {"values", "range", "files", "draw"});
+    ValueSchema schema =
+        object(keys_of(variation_fields(nullptr)), {"values", "range", "files", "multiply_by", "draw"});
     auto keys = std::make_shared<ObjectSchema>(*schema.object);
     for (KeySchema& each : keys->keys) {
         if (each.key == "key") each.needed_unless("keys").without("keys");
@@ -200,7 +209,7 @@ ValueSchema grid_value() {
 
 void read_grid(const ValueReader& value, const Job&, CampaignText& text) {
     for (const auto& [parameter, member] : value.members()) {
-        VariedFactor factor{{parameter}, {child_pointer("/model/parameters", parameter)}, {}};
+        VariedFactor factor{{parameter}, {child_pointer("/model/parameters", parameter)}, {}, false};
         Values values;
         if (member.is(JsonValue::Kind::array)) {
             for (const ValueReader& item : member.items())
@@ -216,7 +225,7 @@ void read_grid(const ValueReader& value, const Job&, CampaignText& text) {
 }
 
 void read_records(const ValueReader& value, const Job& place, CampaignText& text) {
-    VariedFactor factor{{"record"}, {text.record_key}, {}};
+    VariedFactor factor{{"record"}, {text.record_key}, {}, false};
     for (const Json& path : file_values(value, place))
         factor.settings.push_back({path});
     text.campaign.factors.push_back(std::move(factor));

@@ -1,10 +1,13 @@
 #include "apps/campaign/plan/campaign_file.hpp"
 
+#include <filesystem>
 #include <string>
 
 #include "apps/campaign/plan/campaign_tasks.hpp"
+#include "apps/documents/atomic_file.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
+#include "tests/source_folder.hpp"
 
 namespace orbid::campaign_test {
 namespace {
@@ -75,6 +78,69 @@ TEST_CASE("Every task of a campaign follows from its number", "[campaign]") {
     }
 }
 
+TEST_CASE("Numbers of a job are multiplied by what varies", "[campaign]") {
+    const apps::CampaignReading reading = read(R"({
+      "kind": "sweep", "job": "henon.json", "vary": [ { "key": "/data/simulate/noise", "multiply_by": [1, 5] } ] })");
+    REQUIRE(reading.campaign);
+    const apps::CampaignTasks tasks(
+        apps::Campaign::from_document(ordered_json::parse(reading.campaign->document().dump())));
+    REQUIRE(tasks.count() == 2);
+    CHECK(tasks.columns()[0].name == "noise");
+    CHECK(tasks.plan(1).values[0] == "5");
+    const auto noise = [&](std::int64_t task) {
+        return ordered_json::parse(tasks.job_text(task))["data"]["simulate"]["noise"];
+    };
+    CHECK(noise(0)["x"] == 0.01);
+    CHECK_THAT(noise(1)["x"].get<double>(), tests::WithinRel(0.05, 1e-14));
+    CHECK_THAT(noise(1)["y"].get<double>(), tests::WithinRel(0.015, 1e-14));
+}
+
+TEST_CASE("Jobs of a campaign are changed by name before anything varies", "[campaign]") {
+    const apps::CampaignReading reading = read(R"({
+      "kind": "coverage", "replicates": 1, "jobs": { "both": "henon.json", "x": "henon.json" },
+      "changes": { "x": { "data": { "observe": ["x"] }, "estimate": { "parameters": { "b": null } } } } })");
+    REQUIRE(reading.campaign);
+    const apps::CampaignTasks tasks(*reading.campaign);
+    REQUIRE(tasks.count() == 2);
+    const auto both = ordered_json::parse(tasks.job_text(0));
+    CHECK_FALSE(both["data"].contains("observe"));
+    CHECK(both["estimate"]["parameters"].contains("b"));
+    const auto changed = ordered_json::parse(tasks.job_text(1));
+    CHECK(changed["data"]["observe"] == ordered_json::array({"x"}));
+    CHECK(changed["data"]["simulate"] == both["data"]["simulate"]);
+    CHECK(changed["estimate"]["parameters"].dump() == R"({"a":{"start":1.3}})");
+}
+
+TEST_CASE("The jobs of a campaign are all files that match a pattern, changed by a file", "[campaign]") {
+    const TemporaryFolder folder;
+    std::filesystem::create_directory(folder.path() / "jobs");
+    tests::write_text(folder.path() / "jobs" / "one.json", henon_job);
+    tests::write_text(folder.path() / "jobs" / "two.json", henon_job);
+    tests::write_text(folder.path() / "changes.json", R"({ "two": { "seed": 5 } })");
+    const apps::CampaignReading reading = apps::read_campaign(
+        R"({ "kind": "coverage", "replicates": 1, "jobs": "jobs/*.json", "changes": "changes.json" })",
+        folder.path() / "campaign.json");
+    REQUIRE(reading.campaign);
+    REQUIRE(reading.campaign->jobs.size() == 2);
+    CHECK(reading.campaign->jobs[1].name == "two");
+    CHECK(ordered_json::parse(reading.campaign->jobs[1].text)["seed"] == 5);
+}
+
+TEST_CASE("Every campaign in configs/campaigns is read", "[campaign]") {
+    std::size_t campaigns = 0;
+    for (const auto& entry :
+         std::filesystem::directory_iterator(orbid::tests::source_folder() + "/configs/campaigns")) {
+        if (entry.path().extension() != ".json") continue;
+        CAPTURE(entry.path().string());
+        const apps::CampaignReading reading = apps::read_campaign(apps::read_whole_file(entry.path()), entry.path());
+        for (const apps::Problem& problem : reading.problems)
+            UNSCOPED_INFO(apps::message(problem, entry.path().filename().string()));
+        CHECK(reading.campaign);
+        ++campaigns;
+    }
+    CHECK(campaigns >= 7);
+}
+
 TEST_CASE("The parameters of a grid are held, the others estimated", "[campaign]") {
     const apps::CampaignReading reading = read(R"({
       "kind": "profile_grid", "job": "henon.json", "grid": { "a": { "from": 1.3, "to": 1.5, "count": 3 } } })");
@@ -96,7 +162,7 @@ TEST_CASE("A range meets both ends, and whole values stay whole", "[campaign]") 
     const auto& factors = reading.campaign->factors;
     REQUIRE(factors[0].settings.size() == 5);
     CHECK(factors[0].settings[1][0].dump() == "200");
-    CHECK(factors[1].settings[1][0].get<double>() == Catch::Approx(1e-3).epsilon(1e-14));
+    CHECK_THAT(factors[1].settings[1][0].get<double>(), tests::WithinRel(1e-3, 1e-14));
     CHECK(factors[1].settings[2][0].get<double>() == 1e-2);
 }
 
@@ -118,6 +184,13 @@ TEST_CASE("What is wrong with a campaign is told with its place", "[campaign]") 
     CHECK_THAT(problem(with(R"("vary": [ { "key": "/data/simulate/sections", "values": [9] },
                                          { "key": "/data/simulate", "values": [{}] } ])")),
                Contains("varies twice"));
+    CHECK_THAT(problem(with(R"("vary": [ { "key": "/data/simulate/initiall", "multiply_by": [2] } ])")),
+               Contains("/data/simulate/initiall") && Contains("no number there"));
+    CHECK_THAT(problem(R"({ "kind": "coverage", "replicates": 1, "jobs": { "both": "henon.json" },
+                            "changes": { "botj": { "seed": 2 } } })"),
+               Contains("/changes") && Contains("no job \"botj\"") && Contains("did you mean \"both\"?"));
+    CHECK_THAT(problem(with(R"("changes": { "henon": {} }, "vary": [ { "key": "/seed", "values": [1] } ])")),
+               Contains("/changes"));
     CHECK_THAT(problem(R"({ "kind": "sweep", "job": "henon.json" })"), Contains("needs \"vary\""));
     CHECK_THAT(problem(R"({ "kind": "sweep", "job": "absent.json" })"), Contains("does not exist"));
     CHECK_THAT(problem(R"({ "kind": "coverage", "job": "henon.json" })"), Contains("replicates"));

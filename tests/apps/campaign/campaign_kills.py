@@ -69,7 +69,8 @@ class Campaign:
         for repeated in (self.command(out, mpi), retry):
             done = subprocess.run(repeated, capture_output=True, text=True, check=False, env=self.environment)
             if done.returncode != 0:
-                raise RuntimeError(f"{' '.join(map(str, repeated))}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
+                words = " ".join(map(str, repeated))
+                raise RuntimeError(f"{words}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
 
     def tables(self, out):
         return {table: subprocess.run([self.program, "campaign", "export", str(out), "--table", table], check=True,
@@ -114,7 +115,7 @@ def disturb(campaign, out, kind, mpi, delay, moments):
 
 
 def complaint(campaign, out, kind, mpi, took, undisturbed, moments):
-    """How often something was killed, and what is wrong with the campaign that was then run to its end; None: nothing."""
+    """How often something was killed, and what is wrong with the campaign, run to its end after that; None: nothing."""
     kills = 0
     try:
         for _ in range(moments.randint(1, 3)):
@@ -152,13 +153,15 @@ def main():
         for repetition in range(given.times):
             kind = KINDS[repetition % len(KINDS)]
             mpi = mpi_ranks is not None and repetition // len(KINDS) % 2 == 1
-            kills, said = complaint(campaign, Path(folder) / f"disturbed_{repetition}", kind, mpi, took, undisturbed, moments)
+            out = Path(folder) / f"disturbed_{repetition}"
+            kills, said = complaint(campaign, out, kind, mpi, took, undisturbed, moments)
             counted[kind] += kills
             if said is not None:
                 print(f"{repetition}: {kind}{' of MPI' if mpi else ''}: {said}", flush=True)
                 failed += 1
     kills = ", ".join(f"{kind} {times} times" for kind, times in counted.items())
-    print(f"{given.times - failed} of {given.times} campaigns the same bytes, {took:.1f} s undisturbed; killed: {kills}")
+    print(f"{given.times - failed} of {given.times} campaigns the same bytes, {took:.1f} s undisturbed; "
+          f"killed: {kills}")
     return 1 if failed or sum(counted.values()) == 0 else 0
 
 
