@@ -74,7 +74,7 @@ WaitingRun run_waiting(const CampaignTasks& tasks, Journal& journal, const Campa
     const bool ended = run_campaign(tasks, journal, options, run_task, reporting);
     report.finish();
     const int code = !ended ? ended_by_signal : journal.counts().done > 0 ? success : no_valid_answer;
-    return {code, status_text(journal.head(), campaign_status(journal))};
+    return {code, campaign_status(journal)};
 }
 
 int refusals_told(const std::function<void(const std::string&)>& tell, const std::function<int()>& work) {

@@ -1,9 +1,9 @@
 #include "apps/program/command_campaign.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <memory>
 #include <optional>
 #include <ostream>
@@ -101,7 +101,7 @@ int run_file(const CommandCall& call, estimator::Ranks* given) {
 
 int show_status(const CommandCall& call, const std::filesystem::path& folder, estimator::Ranks*) {
     const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
-    call.console.out << status_text(journal.head(), campaign_status(journal));
+    call.console.out << campaign_status(journal);
     return success;
 }
 
@@ -112,14 +112,6 @@ int retry_failed(const CommandCall& call, const std::filesystem::path& folder, e
     const std::int64_t again = journal.retry(call.value("status", ""));
     call.console.error << fmt::format("{} failed tasks are tried again\n", again);
     return run_and_show(call, tasks, journal, campaign_options(call, folder, given));
-}
-
-using TableWriter = void (*)(const Journal& journal, std::ostream& out, const CampaignTableOptions& options);
-
-const std::map<std::string, TableWriter>& campaign_tables() {
-    static const std::map<std::string, TableWriter> all{
-        {"tasks", campaign_table}, {"parameters", parameter_table}, {"summary", summary_table}};
-    return all;
 }
 
 int write_tables(const CommandCall& call, const std::filesystem::path& folder, estimator::Ranks*) {
@@ -139,16 +131,18 @@ int write_tables(const CommandCall& call, const std::filesystem::path& folder, e
         if (!result.empty()) call.console.out << uncompressed(result);
         return result.empty() ? no_valid_answer : success;
     }
-    CampaignTableOptions options;
+    TableOptions options;
     options.times = call.has("times");
-    const auto write = campaign_tables().at(call.value("table", "tasks"));
+    const std::string table = call.value("table", campaign_table_names.front());
+    const auto found = std::find(campaign_table_names.begin(), campaign_table_names.end(), table);
+    options.table = static_cast<CampaignTable>(found - campaign_table_names.begin());
     if (call.value("out", "-") == "-") {
-        write(journal, call.console.out, options);
+        write_campaign_table(journal, call.console.out, options);
         return success;
     }
     write_atomically(call.value("out", ""), [&](const std::filesystem::path& temporary) {
         std::ofstream file(temporary, std::ios::binary);
-        write(journal, file, options);
+        write_campaign_table(journal, file, options);
         if (!file.flush()) throw std::runtime_error("cannot write " + temporary.string());
     });
     return success;
@@ -193,10 +187,7 @@ std::vector<std::string> engine_choices() {
 }
 
 std::vector<std::string> campaign_table_choices() {
-    std::vector<std::string> names;
-    for (const auto& [name, write] : campaign_tables())
-        names.push_back(name);
-    return names;
+    return campaign_table_names;
 }
 
 std::vector<std::string> campaign_verbs() {
