@@ -1,6 +1,5 @@
 #include "apps/program/command_campaign.hpp"
 
-#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -134,8 +133,8 @@ int write_tables(const CommandCall& call, const std::filesystem::path& folder, e
     TableOptions options;
     options.times = call.has("times");
     const std::string table = call.value("table", campaign_table_names.front());
-    const auto found = std::find(campaign_table_names.begin(), campaign_table_names.end(), table);
-    options.table = static_cast<CampaignTable>(found - campaign_table_names.begin());
+    for (std::size_t i = 0; i < campaign_table_names.size(); ++i)
+        if (table == campaign_table_names[i]) options.table = static_cast<CampaignTable>(i);
     if (call.value("out", "-") == "-") {
         write_campaign_table(journal, call.console.out, options);
         return success;
