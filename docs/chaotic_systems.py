@@ -32,7 +32,7 @@ class Estimate:
     truth: float
     sd: float
     covered: bool
-    bound: float
+    bound: float  # the expected sd
 
     @property
     def z(self):
@@ -47,7 +47,7 @@ class Run:
     message: str
     seconds: float
     estimates: list
-    weakest: float  # the largest bound of a parameter over its value
+    weakest: float  # the largest expected sd of a parameter over its value
 
     @property
     def finished(self):
@@ -98,7 +98,7 @@ def root_mean_square(values):
 
 def table(cases):
     lines = ["| read, noise | solved | converged | wrong answers | 95 % intervals that hold the truth | rms z "
-             "| median error over bound | median, longest time |", "|---|---|---|---|---|---|---|---|"]
+             "| median error over expected sd | median, longest time |", "|---|---|---|---|---|---|---|---|"]
     for case, runs in cases.items():
         estimates = [e for run in runs if run.finished for e in run.estimates]
         covered = sum(e.covered for e in estimates)
@@ -125,7 +125,7 @@ def reason(run):
 
 
 def not_solved(cases):
-    lines = ["| system | read, noise | why | largest bound over its parameter |", "|---|---|---|---|"]
+    lines = ["| system | read, noise | why | largest expected sd over its parameter |", "|---|---|---|---|"]
     for system in sorted({run.system for runs in cases.values() for run in runs if not run.solved}):
         for case, runs in cases.items():
             for run in runs:
@@ -193,13 +193,13 @@ def deviations(cases):
 
 
 def errors_over_bounds(cases):
-    """Per system: root mean square of its parameters' errors over the least possible sds."""
+    """Per system: root mean square of its parameters' errors over the expected sds."""
     systems = [run.system for run in next(iter(cases.values()))]
     left, top, row, width = 112, 34, 8.6, 376
     height = row * len(systems)
-    picture = Picture(500, round(top + height + 30), "Errors over their bounds, by system",
-                      "Root mean square over the parameters of error / least possible sd; hollow: not solved")
-    low, high = 0.1, 1000.0
+    picture = Picture(500, round(top + height + 30), "Errors over the expected ones, by system",
+                      "Root mean square over the parameters of error / expected sd; hollow: not solved")
+    low, high = 0.01, 100.0
     def x_of(value):
         return left + width * math.log(min(max(value, low), high) / low) / math.log(high / low)
     for k, case in enumerate(cases):
@@ -207,7 +207,7 @@ def errors_over_bounds(cases):
         picture.text(left + 16 + 130 * k, 14.7, CASES[case], "start")
     picture.dot(14, 12, FRAME, hollow=True)
     picture.text(20, 14.7, "not solved", "start")
-    for power in range(-1, 4):
+    for power in range(-2, 3):
         x = x_of(10.0 ** power)
         picture.line([(x, top - 4), (x, top + height)], FRAME if power == 0 else GRID, 0.8 if power == 0 else 0.5)
         picture.text(x, top + height + 11, f"{10.0 ** power:g}")
@@ -220,7 +220,7 @@ def errors_over_bounds(cases):
             ratio = root_mean_square([e.error / e.bound for e in run.estimates])
             if math.isfinite(ratio):
                 picture.dot(x_of(ratio), y, COLORS[case], hollow=not run.solved)
-    picture.text(left + width / 2, top + height + 24, "rms of error / least possible sd over the parameters of a system")
+    picture.text(left + width / 2, top + height + 24, "rms of error / expected sd over the parameters of a system")
     picture.write("chaotic_systems_bounds.svg")
 
 
@@ -236,7 +236,7 @@ def main(arguments):
     prose = (GALLERY / "chaotic_systems.md.in").read_text()
     for mark, made in (("{{table}}", table(cases)), ("{{not solved}}", not_solved(cases)),
                        ("{{picture deviations}}", "![Deviations from the truth](chaotic_systems_deviations.svg)"),
-                       ("{{picture bounds}}", "![Errors over their bounds](chaotic_systems_bounds.svg)")):
+                       ("{{picture bounds}}", "![Errors over the expected ones](chaotic_systems_bounds.svg)")):
         if mark not in prose:
             sys.exit(f"docs/gallery/chaotic_systems.md.in has no {mark}")
         prose = prose.replace(mark, made)
