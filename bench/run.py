@@ -22,7 +22,6 @@ CYCLES = "{cycles}"  # cycles.json of configs/pendulum_table3.json, found first
 # Program: arguments of the short run, and of the long one. Each list is one run.
 programs = {
     "branch_bench": ([[]], [[]]),
-    "calibration_bench": ([[]], [[], ["length"]]),
     "chain_bench": ([["1e5"]], [[]]),
     "cycle_information_bench": ([[CYCLES, "measured"], [CYCLES, "orbits", "10"]],
                                 [[CYCLES, "measured"], [CYCLES, "orbits"], [CYCLES, "multipliers"]]),
@@ -39,8 +38,6 @@ programs = {
     "campaign_bench": ([["20000", "0"], ["2000", "1"]], [["100000", "0"], ["100000", "1"], ["200", "1000"]]),
     "scale_bench": ([[]], [[], ["henon", "1e8"]]),
     "sensitivity_bench": ([[]], [[]]),
-    "start_region_bench": ([[CYCLES, "10"]], [[CYCLES]]),
-    "waveform_bench": ([["20"]], [[]]),
     "auto/compare.py": ([["{build}"]], [["{build}"]]),
 }
 

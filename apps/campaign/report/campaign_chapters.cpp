@@ -174,11 +174,12 @@ ReportChapter dependence_chapter(const CampaignFindings& findings) {
     for (std::size_t k = 0; k < findings.axes.size(); ++k) {
         const Chart chart = dependence_chart(findings, k);
         const bool few = findings.numbers.size() <= CampaignFindings::few;
-        chapter.html += figure_html(chart, few ? fmt::format("Every estimate with its interval, against {}.",
-                                                             findings.head->varied[findings.axes[k].column].name)
-                                               : fmt::format("Where the estimates of {} valid tasks lie, against {}.",
-                                                             grouped(findings.numbers.size()),
-                                                             findings.head->varied[findings.axes[k].column].name));
+        chapter.html += figure_html(
+            chart,
+            few ? fmt::format("Every estimate with its interval, against {}; those of equal values stand side by side.",
+                              findings.head->varied[findings.axes[k].column].name)
+                : fmt::format("Where the estimates of {} valid tasks lie, against {}.",
+                              grouped(findings.numbers.size()), findings.head->varied[findings.axes[k].column].name));
     }
     return chapter;
 }

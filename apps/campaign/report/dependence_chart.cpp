@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -86,6 +87,23 @@ private:
     double width_ = 1;
 };
 
+/// Moves tasks of equal x apart, by less than a third of the way to the next value, always the same way.
+void spread_equal(std::vector<double>& x) {
+    std::vector<double> values = x;
+    std::sort(values.begin(), values.end());
+    double gap = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 1; k < values.size(); ++k)
+        if (values[k] > values[k - 1]) gap = std::min(gap, values[k] - values[k - 1]);
+    values.erase(std::unique(values.begin(), values.end()), values.end());
+    if (!std::isfinite(gap) || 2 * values.size() > x.size()) return;
+    // Fractions of the golden ratio are spread evenly.
+    constexpr double golden = 0.6180339887498949;
+    for (std::size_t k = 0; k < x.size(); ++k) {
+        const double place = golden * static_cast<double>(k + 1);
+        x[k] += 0.6 * gap * (place - std::floor(place) - 0.5);
+    }
+}
+
 void add_each(ChartView& view, ShownSeries& shown, const std::string& name, ChartRange& range) {
     ChartLayer intervals{LayerKind::intervals, "95 % interval", 2};
     ChartLayer points{LayerKind::points, "estimate", 2};
@@ -158,6 +176,7 @@ Chart dependence_chart(const CampaignFindings& findings, std::size_t number) {
         const double origin = shown.errors ? 0.0 : shown.truth;
         const bool errors = shown.errors;
         if (findings.parameters[k].values.size() <= CampaignFindings::few) {
+            spread_equal(shown.x);
             add_each(view, shown, parameter, range);
         } else {
             add_bands(view, shown, view.x.log, range);

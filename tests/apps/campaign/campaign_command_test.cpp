@@ -93,8 +93,8 @@ TEST_CASE("Tasks that cannot be run have failed with their reason, and are tried
     const TemporaryFolder folder;
     json campaign = henon_campaign(1);
     campaign["kind"] = "sweep";
-    // Readings of a run to infinity: the job is valid, its data are not.
-    campaign["vary"] = {{{"key", "/data/simulate/initial"}, {"values", {{{0.1, 0.1}}, {{90.0, 90.0}}}}}};
+    // Two readings are fewer than the unknowns: the job is valid, its data are not.
+    campaign["vary"] = {{{"key", "/data/simulate/sections"}, {"values", {30, 2}}}};
     const Path file = tests::write_job(folder.path() / "sweep.json", campaign);
     const Outcome run = orbid_with({"campaign", file.string(), "--quiet"});
     CHECK(run.code == 0);

@@ -191,12 +191,12 @@ TEST_CASE("the summary has the statistics of each setting", "[apps][campaign]") 
         CHECK(value(line, "valid") == n);
         CHECK(value(line, "converged") == n);
         CHECK(value(line, "omega_count") == n);
-        CHECK(value(line, "omega_mean") == Approx(mean).epsilon(1e-12));
-        CHECK(value(line, "omega_sd") == Approx(std::sqrt(variance)).epsilon(1e-9));
-        CHECK(value(line, "omega_mean_sd") == Approx(value(line, "noise")).epsilon(1e-12));
-        CHECK(value(line, "omega_rms_z") == Approx(std::sqrt(z2 / n)).epsilon(1e-9));
-        CHECK(value(line, "omega_rms_over_bound") == Approx(std::sqrt(z2 / n) / 0.9).epsilon(1e-9));
-        CHECK(value(line, "omega_coverage") == Approx(covered / n).epsilon(1e-12));
+        CHECK_THAT(value(line, "omega_mean"), tests::WithinRel(mean, 1e-12));
+        CHECK_THAT(value(line, "omega_sd"), tests::WithinRel(std::sqrt(variance), 1e-9));
+        CHECK_THAT(value(line, "omega_mean_sd"), tests::WithinRel(value(line, "noise"), 1e-12));
+        CHECK_THAT(value(line, "omega_rms_z"), tests::WithinRel(std::sqrt(z2 / n), 1e-9));
+        CHECK_THAT(value(line, "omega_rms_over_bound"), tests::WithinRel(std::sqrt(z2 / n) / 0.9, 1e-9));
+        CHECK_THAT(value(line, "omega_coverage"), tests::WithinRel(covered / n, 1e-12));
         CHECK(value(line, "omega_coverage_lower") < covered / n);
         CHECK(value(line, "omega_coverage_upper") > covered / n);
     }
@@ -207,9 +207,9 @@ TEST_CASE("intervals of proportions are those of Clopper and Pearson", "[apps][c
     // Closed forms: without events 1 - (tail)^(1/n), and its mirror.
     const auto none = apps::binomial_interval(0, 20);
     CHECK(none.lower == 0.0);
-    CHECK(none.upper == Approx(1 - std::pow(0.025, 1 / 20.0)).epsilon(1e-12));
+    CHECK_THAT(none.upper, tests::WithinRel(1 - std::pow(0.025, 1 / 20.0), 1e-12));
     const auto all = apps::binomial_interval(20, 20);
-    CHECK(all.lower == Approx(std::pow(0.025, 1 / 20.0)).epsilon(1e-12));
+    CHECK_THAT(all.lower, tests::WithinRel(std::pow(0.025, 1 / 20.0), 1e-12));
     CHECK(all.upper == 1.0);
     // By the definition: each end leaves 2.5 % beyond what was seen.
     const auto some = apps::binomial_interval(47, 50);
@@ -220,8 +220,8 @@ TEST_CASE("intervals of proportions are those of Clopper and Pearson", "[apps][c
                             (50 - k) * std::log1p(-p));
         return sum;
     };
-    CHECK(tail_from(some.lower, 47, 50) == Approx(0.025).epsilon(1e-9));
-    CHECK(tail_from(some.upper, 0, 47) == Approx(0.025).epsilon(1e-9));
+    CHECK_THAT(tail_from(some.lower, 47, 50), tests::WithinRel(0.025, 1e-9));
+    CHECK_THAT(tail_from(some.upper, 0, 47), tests::WithinRel(0.025, 1e-9));
     CHECK(apps::binomial_interval(0, 0).upper == 1.0);
     CHECK_THROWS_AS(apps::binomial_interval(3, 2), std::invalid_argument);
 }

@@ -1,5 +1,5 @@
 // Steady states read with autoregressive errors, made many times over: how often do intervals of 95 % hold the truth?
-// The example job fifty times: bench/waveform_bench.cpp.
+// The example job fifty times: configs/campaigns/landing_gear_coverage.json.
 
 #include <cmath>
 #include <memory>
