@@ -1,5 +1,5 @@
-# The plug-in orbid-mpi.so, where MPI is found: in the folder orbid beside the library, which loads it when it was started by
-# mpiexec or srun (apps/ranks/rank_plugin.hpp). Neither the program nor the library links MPI.
+# The plug-in orbid-mpi.so, where MPI is found: in the folder orbid beside the library, which loads it when mpiexec or srun
+# has started the program (apps/ranks/rank_plugin.hpp). Neither the program nor the library links MPI.
 find_package(MPI QUIET COMPONENTS C)
 if(NOT MPI_C_FOUND)
   message(STATUS "MPI plug-in: off (needs libopenmpi-dev or another MPI)")

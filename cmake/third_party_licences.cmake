@@ -1,8 +1,8 @@
-# Lists the licences of everything third-party that the program, its library and its plug-in for MPI link, load or contain.
-# Run as a script:
+# Lists the licences of everything third-party that the program, its library and its plug-in for MPI link, load or
+# contain. Run as a script:
 #   cmake -DPROGRAM=bin/orbid -DLIBRARY=lib/liborbid.so -DPLUGIN=lib/orbid/orbid-mpi.so -DHEADERS="a.hpp|b.hpp" -DBUNDLED=bundled_licences.txt -DTO=third_party_licences.txt -P ...
-# Libraries come from the lists of these three (PLUGIN may be empty), headers are compiled in; each is traced to its Debian package, whose
-# copyright file is copied. Elsewhere the files are named, and where to look is said.
+# Libraries come from the lists of these three (PLUGIN may be empty), headers are compiled in; each is traced to its Debian
+# package, whose copyright file is copied. Elsewhere the files are named, and where to look is said.
 cmake_minimum_required(VERSION 3.25)
 find_program(dpkg dpkg-query)
 set(loaded "")

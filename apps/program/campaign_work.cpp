@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/campaign/report/campaign_report.hpp"
 #include "apps/campaign/tables/campaign_status.hpp"
 #include "apps/program/command.hpp"
 #include "apps/program/job_run.hpp"
@@ -63,9 +64,17 @@ CampaignTasks tasks_of(const Journal& journal) {
 
 WaitingRun run_waiting(const CampaignTasks& tasks, Journal& journal, const CampaignOptions& options,
                        const DealerCalls& calls) {
-    const bool ended = run_campaign(tasks, journal, options, run_task, calls);
+    LiveReport report(journal, options.out);
+    DealerCalls reporting = calls;
+    reporting.progress = [&](const CampaignProgress& progress) {
+        if (calls.progress) calls.progress(progress);
+        report.renew();
+    };
+    reporting.before_fork = [&] { report.wait(); };
+    const bool ended = run_campaign(tasks, journal, options, run_task, reporting);
+    report.finish();
     const int code = !ended ? ended_by_signal : journal.counts().done > 0 ? success : no_valid_answer;
-    return {code, status_text(journal.head(), campaign_status(journal))};
+    return {code, campaign_status(journal)};
 }
 
 int refusals_told(const std::function<void(const std::string&)>& tell, const std::function<int()>& work) {

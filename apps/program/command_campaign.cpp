@@ -3,7 +3,6 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <memory>
 #include <optional>
 #include <ostream>
@@ -15,6 +14,7 @@
 #include "apps/campaign/engine/campaign_run.hpp"
 #include "apps/campaign/engine/worker.hpp"
 #include "apps/campaign/plan/campaign_file.hpp"
+#include "apps/campaign/report/campaign_report.hpp"
 #include "apps/campaign/tables/campaign_status.hpp"
 #include "apps/campaign/tables/campaign_table.hpp"
 #include "apps/documents/atomic_file.hpp"
@@ -29,13 +29,16 @@ namespace orbid::apps {
 
 namespace {
 
-CampaignOptions campaign_options(const CommandCall& call, const std::filesystem::path& out) {
+CampaignOptions campaign_options(const CommandCall& call, const std::filesystem::path& out, estimator::Ranks* given) {
     CampaignOptions options;
     options.out = out;
     options.ranks = call.whole_number("threads", 0, 0);
     const std::string engine = call.value("engine", engine_names.front());
     for (std::size_t i = 0; i < engine_names.size(); ++i)
         if (engine == engine_names[i]) options.engine = static_cast<Engine>(i);
+    // Processes are forked while there is one thread, which a caller of the library does not promise.
+    if (options.engine == Engine::automatic && !call.console.own_process) options.engine = Engine::threads;
+    options.given = given;
     return options;
 }
 
@@ -87,49 +90,30 @@ int run_file(const CommandCall& call, estimator::Ranks* given) {
             code = refuse(message(problem, file.string()), reading.exit_code());
         if (!reading.campaign) return code;
         const CampaignTasks tasks(*reading.campaign);
-        CampaignOptions options = campaign_options(call, folder_of(call));
-        options.given = given;
+        const CampaignOptions options = campaign_options(call, folder_of(call), given);
         Journal journal = whole_journal(tasks, options.out, call.console.error);
         return run_and_show(call, tasks, journal, options);
     });
 }
 
-/// Rank 0 does what the command says; the others serve it.
-int run_on_ranks(const CommandCall& call) {
-    if (!under_mpi()) return run_file(call, nullptr);
-    return refusing(call, [&](const auto&) {
-        const std::unique_ptr<estimator::Ranks> ranks = mpi_ranks();
-        if (ranks->rank() > 0) return serve_tasks(*ranks, run_task);
-        return run_file(call, ranks.get());
-    });
-}
-
 // What is asked of a journal in a folder.
 
-int show_status(const CommandCall& call, const std::filesystem::path& folder) {
+int show_status(const CommandCall& call, const std::filesystem::path& folder, estimator::Ranks*) {
     const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
-    call.console.out << status_text(journal.head(), campaign_status(journal));
+    call.console.out << campaign_status(journal);
     return success;
 }
 
 /// Failed tasks wait again, and are run.
-int retry_failed(const CommandCall& call, const std::filesystem::path& folder) {
+int retry_failed(const CommandCall& call, const std::filesystem::path& folder, estimator::Ranks* given) {
     Journal journal = whole_journal(folder, call.console.error);
     const CampaignTasks tasks = tasks_of(journal);
     const std::int64_t again = journal.retry(call.value("status", ""));
     call.console.error << fmt::format("{} failed tasks are tried again\n", again);
-    return run_and_show(call, tasks, journal, campaign_options(call, folder));
+    return run_and_show(call, tasks, journal, campaign_options(call, folder, given));
 }
 
-using TableWriter = void (*)(const Journal& journal, std::ostream& out, const CampaignTableOptions& options);
-
-const std::map<std::string, TableWriter>& campaign_tables() {
-    static const std::map<std::string, TableWriter> all{
-        {"tasks", campaign_table}, {"parameters", parameter_table}, {"summary", summary_table}};
-    return all;
-}
-
-int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
+int write_tables(const CommandCall& call, const std::filesystem::path& folder, estimator::Ranks*) {
     const Journal journal = Journal::open(folder / journal_name, Journal::Access::read);
     if (call.has("job")) {
         const CampaignTasks tasks = tasks_of(journal);
@@ -146,29 +130,53 @@ int write_tables(const CommandCall& call, const std::filesystem::path& folder) {
         if (!result.empty()) call.console.out << uncompressed(result);
         return result.empty() ? no_valid_answer : success;
     }
-    CampaignTableOptions options;
+    TableOptions options;
     options.times = call.has("times");
-    const auto write = campaign_tables().at(call.value("table", "tasks"));
+    const std::string table = call.value("table", campaign_table_names.front());
+    for (std::size_t i = 0; i < campaign_table_names.size(); ++i)
+        if (table == campaign_table_names[i]) options.table = static_cast<CampaignTable>(i);
     if (call.value("out", "-") == "-") {
-        write(journal, call.console.out, options);
+        write_campaign_table(journal, call.console.out, options);
         return success;
     }
     write_atomically(call.value("out", ""), [&](const std::filesystem::path& temporary) {
         std::ofstream file(temporary, std::ios::binary);
-        write(journal, file, options);
+        write_campaign_table(journal, file, options);
         if (!file.flush()) throw std::runtime_error("cannot write " + temporary.string());
     });
     return success;
 }
 
+int write_report_anew(const CommandCall&, const std::filesystem::path& folder, estimator::Ranks*) {
+    write_campaign_report(Journal::open(folder / journal_name, Journal::Access::read), folder / "report.html");
+    return success;
+}
+
 struct Verb {
     std::string name;
-    int (*run)(const CommandCall& call, const std::filesystem::path& folder);
+    /// @param given  rank 0 of the ranks that MPI has started; null: there are none
+    int (*run)(const CommandCall& call, const std::filesystem::path& folder, estimator::Ranks* given);
 };
 
 const std::vector<Verb>& verbs() {
-    static const std::vector<Verb> all{{"status", show_status}, {"retry", retry_failed}, {"export", write_tables}};
+    static const std::vector<Verb> all{
+        {"status", show_status}, {"retry", retry_failed}, {"export", write_tables}, {"report", write_report_anew}};
     return all;
+}
+
+int run_verb_or_file(const CommandCall& call, estimator::Ranks* given) {
+    for (const Verb& verb : verbs()) {
+        if (call.words[0] != verb.name) continue;
+        if (call.words.size() < 2)
+            throw CommandLineError(fmt::format("orbid campaign {} needs the folder of a campaign", verb.name));
+        const std::filesystem::path folder = call.words[1];
+        if (!std::filesystem::is_regular_file(folder / journal_name))
+            throw CommandLineError(fmt::format("{} holds no {}", folder.string(), journal_name));
+        return refusing(call, [&](const auto&) { return verb.run(call, folder, given); });
+    }
+    if (call.words.size() > 1)
+        throw CommandLineError(fmt::format("\"{}\" is none of status, retry, export, report", call.words[0]));
+    return run_file(call, given);
 }
 
 }  // namespace
@@ -178,10 +186,7 @@ std::vector<std::string> engine_choices() {
 }
 
 std::vector<std::string> campaign_table_choices() {
-    std::vector<std::string> names;
-    for (const auto& [name, write] : campaign_tables())
-        names.push_back(name);
-    return names;
+    return campaign_table_names;
 }
 
 std::vector<std::string> campaign_verbs() {
@@ -192,18 +197,12 @@ std::vector<std::string> campaign_verbs() {
 }
 
 int run_campaign_command(const CommandCall& call) {
-    for (const Verb& verb : verbs()) {
-        if (call.words[0] != verb.name) continue;
-        if (call.words.size() < 2)
-            throw CommandLineError(fmt::format("orbid campaign {} needs the folder of a campaign", verb.name));
-        const std::filesystem::path folder = call.words[1];
-        if (!std::filesystem::is_regular_file(folder / journal_name))
-            throw CommandLineError(fmt::format("{} holds no {}", folder.string(), journal_name));
-        return refusing(call, [&](const auto&) { return verb.run(call, folder); });
-    }
-    if (call.words.size() > 1)
-        throw CommandLineError(fmt::format("\"{}\" is none of status, retry, export, report", call.words[0]));
-    return run_on_ranks(call);
+    if (!under_mpi()) return run_verb_or_file(call, nullptr);
+    return refusing(call, [&](const auto&) {
+        // Rank 0 does what the command says, the others serve it.
+        const std::unique_ptr<estimator::Ranks> ranks = mpi_ranks();
+        return ranks->rank() > 0 ? serve_tasks(*ranks, run_task) : run_verb_or_file(call, ranks.get());
+    });
 }
 
 }  // namespace orbid::apps

@@ -48,7 +48,7 @@ std::vector<Command> job_commands() {
         job_command("estimate", "estimate the parameters", {"orbid estimate job.json --threads 2", ""}, run_estimation),
         Command{
             "check",
-            "every error of a job or a campaign and its data, and what it would run and take",
+            "every error of a job or campaign; what it would run and take",
             {job_word},
             {{"threads", "N", "threads that the estimate of the work is for (default 0: all cores)", WordKind::number},
              {"flow", "", "compare flows and derivatives by both steppers: \"verner\" and \"odeint\""}},
@@ -69,12 +69,12 @@ std::vector<Command> job_commands() {
                  {"orbid new equations series > job.json", "a model written in the job itself"},
                  {"orbid new campaign coverage > campaign.json", "many runs of one job"}},
                 show_starting_job,
-                "After a model, TASK is simulate to continuation; after campaign, sweep to records."}};
+                "After a model, TASK is simulate to continuation; after campaign, sweep to\nrecords."}};
 }
 
 std::vector<Command> campaign_commands() {
     return {Command{"campaign",
-                    "many runs that differ by what a campaign says: one journal, resumable, on all cores or a cluster",
+                    "many runs with one journal, resumable",
                     {{"CAMPAIGN.json", WordKind::job_file, false, campaign_verbs}, {"DIR", WordKind::folder, true}},
                     {{"out", "DIR",
                       "folder of the journal (default: the campaign's path without .json); of export: file of the table",

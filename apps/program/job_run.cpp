@@ -9,6 +9,7 @@
 #include <streambuf>
 #include <utility>
 
+#include "apps/campaign/plan/campaign_file.hpp"
 #include "apps/documents/atomic_file.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
@@ -83,6 +84,7 @@ std::function<bool()> one_at_a_time(const std::function<bool()>& stopped) {
 }  // namespace
 
 std::vector<JobProblem> job_problems(std::string_view text, const std::filesystem::path& source) {
+    if (is_campaign(text)) return problem_list(read_campaign(text, source).problems, source);
     const JobReading reading = read_job(text, source);
     std::vector<JobProblem> problems = problem_list(reading.problems, source);
     if (!reading.job) return problems;

@@ -40,9 +40,9 @@ struct JobRunCalls {
         messages;  ///< each line of JobRun::messages as it comes, without its end; one at a time, from any thread
 };
 
-/// All problems of a job, including those of its data files; none: it can be run.
-/// @param text    JSON with comments, as in a job file.
-/// @param source  path of the job file, which need not exist: relative paths in the job start at its folder.
+/// All problems of a job, including those of its data files, or of a campaign; none: it can be run.
+/// @param text    JSON with comments, as in a job file or a campaign file.
+/// @param source  path of that file, which need not exist: relative paths in it start at its folder.
 [[nodiscard]] std::vector<JobProblem> job_problems(std::string_view text, const std::filesystem::path& source);
 
 /// Runs a job given as text and stores its results, without printing or catching signals. Different threads may run

@@ -4,6 +4,7 @@
 #include <mpi.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdlib>
 #include <exception>
 #include <list>
@@ -58,6 +59,10 @@ public:
         MPI_Comm_size(MPI_COMM_WORLD, &count_);
         parts_.resize(static_cast<std::size_t>(count_));
         lost_.resize(static_cast<std::size_t>(count_));
+        if (rank_ == 0) return;
+        // Batch systems send these to all ranks at once. Rank 0 answers: it stores what there is, and asks all to stop.
+        std::signal(SIGINT, SIG_IGN);
+        std::signal(SIGTERM, SIG_IGN);
     }
     ~MpiRanks() override {
         if (std::uncaught_exceptions() > exceptions_) {

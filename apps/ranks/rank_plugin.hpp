@@ -32,7 +32,8 @@ public:
 
 /// Initialises MPI by the plug-in, which is looked for in the folder $ORBID_PLUGINS and in the folder orbid beside the
 /// library. Only for programs that under_mpi(), and once: MPI cannot be initialised again. Rank 0 exchanges messages
-/// with all others, and they with none but rank 0: anything else is a std::logic_error.
+/// with all others, and they with none but rank 0: anything else is a std::logic_error. The others ignore SIGINT and
+/// SIGTERM from now on, which rank 0 answers for all.
 ///
 /// The destructor ends MPI, when it has told the others and they have ended too. After an exception that passes it,
 /// MPI_Abort ends all ranks when this one exits, so that what is still printed appears.

@@ -4,8 +4,8 @@
 #include <string_view>
 #include <vector>
 
-#include "apps/drawing/chart.hpp"
 #include "apps/report/plots/json_member.hpp"
+#include "apps/report/report_frame.hpp"
 #include "apps/results/result_file.hpp"
 #include "apps/stored_run/stored_run.hpp"
 
@@ -15,13 +15,6 @@ namespace orbid::apps {
 struct ReportSource {
     const StoredRun& run;
     std::vector<ResidualRow> residuals;  ///< residuals.csv
-};
-
-/// A part of the report; one without content is left out with its heading.
-struct ReportChapter {
-    std::string id;  ///< for links
-    std::string heading;
-    std::string html;
 };
 
 /// What was estimated, how far to trust it, what the data do not determine, in plain words.
@@ -42,17 +35,5 @@ struct ReportChapter {
 [[nodiscard]] ReportChapter branch_chapter(const ReportSource& source);
 /// The job, versions, seeds, fingerprints, times.
 [[nodiscard]] ReportChapter provenance_chapter(const ReportSource& source);
-
-/// A figure: the chart drawn still, its data for the live one, a caption. Nothing for a chart without views.
-[[nodiscard]] std::string figure_html(const Chart& chart, std::string_view caption);
-
-namespace detail {
-
-/// 1048576 -> "1 048 576", with spaces that do not break.
-[[nodiscard]] std::string grouped(std::size_t value);
-/// "1 cycle", "3 cycles".
-[[nodiscard]] std::string grouped_count(std::size_t count, std::string_view noun);
-
-}  // namespace detail
 
 }  // namespace orbid::apps

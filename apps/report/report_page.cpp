@@ -2,11 +2,6 @@
 
 #include <array>
 
-#include <fmt/format.h>
-
-#include "apps/drawing/markup_text.hpp"
-#include "apps/report/html_text.hpp"
-#include "apps/report/report_assets.hpp"
 #include "apps/report/report_chapter.hpp"
 
 namespace orbid::apps {
@@ -21,15 +16,6 @@ std::string subtitle(const StoredRun& run) {
     return out;
 }
 
-/// A script element ends at "</script", and "<!--" hides what follows: neither is needed in code but inside a text.
-std::string inside_script(std::string script) {
-    for (const std::string_view word : {"</script", "<!--"}) {
-        for (std::size_t at = script.find(word); at != std::string::npos; at = script.find(word, at + 2))
-            script.insert(at + 1, 1, '\\');
-    }
-    return script;
-}
-
 }  // namespace
 
 std::string report_html(const StoredRun& run) {
@@ -37,45 +23,10 @@ std::string report_html(const StoredRun& run) {
     const std::array chapters{parameter_chapter(source),       section_chapter(source),   residual_chapter(source),
                               identifiability_chapter(source), posterior_chapter(source), course_chapter(source),
                               branch_chapter(source),          provenance_chapter(source)};
-    const std::string name = run.title().empty() ? std::string("Report") : run.title();
-    std::string contents;
-    std::string body;
-    for (const ReportChapter& chapter : chapters) {
-        if (chapter.html.empty()) continue;
-        contents += fmt::format("<li><a href=\"#{}\">{}</a></li>\n", chapter.id, markup_text(chapter.heading));
-        body += fmt::format(
-            "<section id=\"{0}\" aria-labelledby=\"{0}-heading\">\n<h2 id=\"{0}-heading\">{1}</h2>\n{2}"
-            "</section>\n",
-            chapter.id, markup_text(chapter.heading), chapter.html);
-    }
-    std::string out = fmt::format(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<meta name=\"color-scheme\" content=\"light dark\">\n<meta name=\"generator\" content=\"orbid\">\n"
-        // Nothing may be loaded, whatever stands in the page; no icon is asked for.
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
-        "script-src 'unsafe-inline'; img-src data:\">\n<link rel=\"icon\" href=\"data:,\">\n"
-        "<title>{}</title>\n<style>\n",
-        markup_text(name));
-    out += report_style();
-    out += fmt::format(
-        "</style>\n{}</head>\n<body>\n<header>\n<h1>{}</h1>\n<p class=\"about\">{}</p>\n</header>\n"
-        "<nav aria-label=\"Contents\"><ul>\n{}</ul></nav>\n<main>\n",
-        // Known before the first paint: still pictures that live charts will replace are not painted at all.
-        report_script().empty() ? "" : "<script>document.documentElement.className = \"scripted\"</script>\n",
-        markup_text(name), markup_text(subtitle(run)), contents);
-    out += verdict_html(source);
-    out += body;
-    out += "</main>\n<footer>\n<p>Written by orbid. This page is complete in itself: it loads nothing.</p>\n";
-    if (!report_licences().empty())
-        out += fmt::format(
-            "<details><summary>Licences of the third-party code in this page</summary><pre tabindex=\"0\">"
-            "{}</pre></details>\n",
-            markup_text(report_licences()));
-    out += "</footer>\n";
-    if (!report_script().empty())
-        out += fmt::format("<script>\n{}\n</script>\n", inside_script(std::string(report_script())));
-    return out + "</body>\n</html>\n";
+    return report_page({.title = run.title().empty() ? std::string("Report") : run.title(),
+                        .about = subtitle(run),
+                        .verdict = verdict_html(source)},
+                       chapters);
 }
 
 }  // namespace orbid::apps

@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/drawing/markup_text.hpp"
-#include "apps/report/html_text.hpp"
 #include "apps/report/report_chapter.hpp"
 #include "apps/results/lost_records.hpp"
 #include "apps/results/summary_table.hpp"
@@ -14,23 +12,6 @@ namespace orbid::apps {
 namespace {
 
 using namespace detail;
-
-/// Sentences about how far to trust the result, those with most weight first; each as a list item.
-class Remarks {
-public:
-    void good(std::string_view text) { add("good", "Good", text, good_); }
-    void caution(std::string_view text) { add("caution", "Caution", text, caution_); }
-    void bad(std::string_view text) { add("bad", "Not usable", text, bad_); }
-    [[nodiscard]] std::string html() const { return bad_ + caution_ + good_; }
-
-private:
-    static void add(std::string_view look, std::string_view word, std::string_view text, std::string& list) {
-        list +=
-            fmt::format("<li class=\"{}\"><strong>{}</strong> <span>{}</span></li>\n", look, word, markup_text(text));
-    }
-
-    std::string good_, caution_, bad_;
-};
 
 /// "l, k2 and k3"
 std::string listed(const std::vector<std::string>& names) {
@@ -86,7 +67,7 @@ std::string what_was_done(const StoredRun& run) {
     return fmt::format("Data of {} were made.", model);
 }
 
-void add_status(const Json& result, Remarks& remarks) {
+void add_status(const Json& result, ReportRemarks& remarks) {
     const std::string status = text_at(result, "status");
     const std::string message = text_at(result, "message");
     const std::string why = message.empty() ? "" : ": " + message;
@@ -110,7 +91,7 @@ void add_status(const Json& result, Remarks& remarks) {
         remarks.bad(fmt::format("The estimate did not converge (status {}){}.", status, why));
 }
 
-void add_directions(const Json& result, Remarks& remarks) {
+void add_directions(const Json& result, ReportRemarks& remarks) {
     const Json& identifiability = block_at(result, "identifiability");
     if (identifiability.empty()) return;
     const Json& directions = block_at(identifiability, "null_directions");
@@ -140,7 +121,7 @@ void add_directions(const Json& result, Remarks& remarks) {
     }
 }
 
-void add_parameters(const Json& result, Remarks& remarks) {
+void add_parameters(const Json& result, ReportRemarks& remarks) {
     if (block_at(result, "parameters").empty()) return;
     std::vector<std::string> by_prior;
     double worst = 0.0;
@@ -171,7 +152,7 @@ void add_parameters(const Json& result, Remarks& remarks) {
     worst > 3.0 ? remarks.caution(words) : remarks.good(words);
 }
 
-void add_errors(const Json& result, Remarks& remarks) {
+void add_errors(const Json& result, ReportRemarks& remarks) {
     for (const auto& [group, entry] : block_at(result, "errors").items()) {
         const double count = number_at(entry, "count");
         const double worth = number_at(entry, "effective_count");
@@ -202,7 +183,7 @@ void add_errors(const Json& result, Remarks& remarks) {
             remarks.caution(fmt::format("The data speak for another model: {}.", text_at(alternative, "model")));
 }
 
-void add_search(const StoredRun& run, Remarks& remarks) {
+void add_search(const StoredRun& run, ReportRemarks& remarks) {
     std::vector<std::string> periods;
     for (const Json& period : block_at(run.cycles, "missing"))
         periods.push_back(period.dump());
@@ -212,7 +193,7 @@ void add_search(const StoredRun& run, Remarks& remarks) {
 }  // namespace
 
 std::string verdict_html(const ReportSource& source) {
-    Remarks remarks;
+    ReportRemarks remarks;
     if (source.run.result) {
         const Json& result = *source.run.result;
         add_status(result, remarks);
@@ -221,10 +202,7 @@ std::string verdict_html(const ReportSource& source) {
         add_errors(result, remarks);
     }
     add_search(source.run, remarks);
-    std::string out = "<section class=\"verdict\" aria-labelledby=\"verdict\">\n<h2 id=\"verdict\">In short</h2>\n";
-    out += html_paragraph(what_was_done(source.run));
-    if (const std::string list = remarks.html(); !list.empty()) out += "<ul>\n" + list + "</ul>\n";
-    return out + "</section>\n";
+    return verdict_section(what_was_done(source.run), remarks.html());
 }
 
 }  // namespace orbid::apps

@@ -178,13 +178,23 @@ def _write_table(columns: Mapping[str, Any], pointer: str, folder: pathlib.Path)
     return str(file.resolve())
 
 
-def _with_tables(job: Mapping[str, Any], folder: pathlib.Path) -> Dict[str, Any]:
-    """The job with data whose "file" is a dict of arrays written to files."""
+def _with_tables(job: Any, folder: pathlib.Path, place: str = "") -> Any:
+    """A job, or the jobs of a campaign, with data whose "file" is a dict of arrays written to files."""
+    if not isinstance(job, Mapping):
+        return job
+    if "kind" in job:
+        campaign = dict(job)
+        if "job" in job:
+            campaign["job"] = _with_tables(job["job"], folder, "/job")
+        if isinstance(job.get("jobs"), Mapping):
+            campaign["jobs"] = {name: _with_tables(one, folder, "/jobs" + _pointer(name))
+                                for name, one in job["jobs"].items()}
+        return campaign
     data: Any = job.get("data")
     several = isinstance(data, (list, tuple))
     written: List[Any] = []
     for k, block in enumerate(data if several else [data]):
-        pointer = f"/data/{k}/file" if several else "/data/file"
+        pointer = f"{place}/data/{k}/file" if several else f"{place}/data/file"
         if isinstance(block, Mapping) and isinstance(block.get("file"), Mapping):
             columns = block["file"]
             own_names = {"time" if name == "t" else name: name for name in columns}
@@ -212,8 +222,19 @@ def _text_of(job: Job, folder: pathlib.Path) -> Tuple[str, pathlib.Path, bool]:
     raise TypeError(f"job: a dict, JSON text or the path of a job file is needed, not {type(job).__name__}")
 
 
+def _folder_of(job: Job, out: Union[str, "os.PathLike[str]", None]
+               ) -> Tuple[pathlib.Path, Optional[tempfile.TemporaryDirectory[str]]]:
+    """Where results go; a temporary folder where nothing names one."""
+    if out is not None:
+        return pathlib.Path(out), None
+    if isinstance(job, Mapping) or (isinstance(job, str) and job.lstrip().startswith("{")):
+        keep = tempfile.TemporaryDirectory(prefix="orbid-")
+        return pathlib.Path(keep.name), keep
+    return pathlib.Path(job).with_suffix(""), None
+
+
 def check(job: Job) -> List[Problem]:
-    """All problems of a job, those of its data files included; none: it can be run."""
+    """All problems of a job or a campaign, those of its data files included; none: it can be run."""
     with tempfile.TemporaryDirectory(prefix="orbid-") as folder:
         try:
             text, source, with_lines = _text_of(job, pathlib.Path(folder))
@@ -241,22 +262,20 @@ def run(job: Job, out: Union[str, "os.PathLike[str]", None] = None, *, threads: 
     """
     if isinstance(threads, bool) or threads < 0:
         raise ValueError(f"threads = {threads}: must be a whole number >= 0")
-    keep = None
-    if out is not None:
-        folder = pathlib.Path(out)
-    elif isinstance(job, Mapping) or (isinstance(job, str) and job.lstrip().startswith("{")):
-        keep = tempfile.TemporaryDirectory(prefix="orbid-")
-        folder = pathlib.Path(keep.name)
-    else:
-        folder = pathlib.Path(job).with_suffix("")
+    folder, keep = _folder_of(job, out)
     there, tables = folder.exists(), _tables(folder)
     try:
         return _run(job, folder, threads, stage, force, progress, keep)
     except Exception:
-        _remove_tables(folder, _tables(folder) - tables)
-        if not there and folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
+        _as_before(folder, there, tables)
         raise
+
+
+def _as_before(folder: pathlib.Path, there: bool, tables: Set[pathlib.Path]) -> None:
+    """Takes back what was written for a job that was refused."""
+    _remove_tables(folder, _tables(folder) - tables)
+    if not there and folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def _tables(folder: pathlib.Path) -> Set[pathlib.Path]:

@@ -72,6 +72,13 @@ in_overlay() {
     if [[ -n $mpi ]]; then
         chroot "$root" dpkg -i "/tmp/$(basename "$mpi")" >"$scratch/log" 2>&1 || fail "dpkg -i: $(cat "$scratch/log")"
         installed=(orbid-mpi "${installed[@]}")
+        # A campaign whose ranks MPI has started, by the installed plug-in.
+        if chroot "$root" mpiexec --version 2>/dev/null | grep -E 'OpenRTE|Open MPI' >/dev/null; then
+            chroot "$root" sh -c 'cd /tmp/empty && export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 &&
+                sed -E "s/(\"replicates\": )[0-9]+/\13/" /usr/share/doc/orbid/examples/campaigns/henon_coverage.json >few.json &&
+                mpiexec --oversubscribe -n 2 orbid campaign few.json --quiet' >"$scratch/log" 2>&1 &&
+                grep '3 done, 0 failed, 0 waiting' "$scratch/log" >/dev/null || fail "a campaign under mpiexec: $(cat "$scratch/log")"
+        fi
     fi
     chroot "$root" dpkg -r "${installed[@]}" >"$scratch/log" 2>&1 || fail "dpkg -r: $(cat "$scratch/log")"
     printf '%s\n' "${installed[@]}" >"$scratch/used"

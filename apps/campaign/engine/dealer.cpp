@@ -116,24 +116,27 @@ void Dealer::take(const RankMessage& message) {
 void Dealer::lose(int rank) {
     Rank& lost = ranks_[static_cast<std::size_t>(rank)];
     lost.gone = true;
-    if (!lost.dealt.empty()) {
-        const double seconds = seconds_since(lost.since);
-        const double limit = tasks_.campaign().seconds;
+    const std::string how = crew_.how_ended(rank);
+    const double limit = tasks_.campaign().seconds;
+    const bool late = limit > 0.0 && seconds_since(lost.since) > limit;
+    // Who is killed from outside has done nothing wrong; but what takes all memory is killed again and again.
+    constexpr int most_kills = 3;
+    if (!lost.dealt.empty() && (late || how != "SIGKILL" || ++kills_[lost.dealt.front()] >= most_kills)) {
         TaskOutcome outcome;
         outcome.number = lost.dealt.front();
         outcome.state = TaskState::failed;
         outcome.rank = rank;
-        outcome.seconds = seconds;
-        const bool late = limit > 0.0 && seconds > limit;
+        outcome.seconds = seconds_since(lost.since);
         outcome.status = late ? "time_limit" : "crash";
         outcome.message = late ? fmt::format("no answer within {} s, and did not stop when asked", limit)
-                               : fmt::format("its process has ended: {}", crew_.how_ended(rank));
-        queue_.ended(outcome.number, seconds);
+                               : fmt::format("its process has ended: {}", how);
+        queue_.ended(outcome.number, outcome.seconds);
         arrived_.push_back(std::move(outcome));
         lost.dealt.pop_front();
     }
     for (; !lost.dealt.empty(); lost.dealt.pop_back())
         queue_.put_back(lost.dealt.back());
+    if (calls_.before_fork) calls_.before_fork();
     if (!crew_.restart(rank)) return;
     lost.gone = false;
     greet(rank);

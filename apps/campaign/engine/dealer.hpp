@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -28,10 +29,12 @@ struct CampaignProgress {
 struct DealerCalls {
     std::function<bool()> stopped;                                   ///< leave, with what is stored
     std::function<void(const CampaignProgress& progress)> progress;  ///< now and then, at most ten times a second
+    std::function<void()> before_fork;  ///< a process is to be forked: the caller ends its threads
 };
 
 /// Rank 0 of a campaign: deals waiting tasks, stores what comes back, until none waits or it is stopped. Outcomes that
-/// have arrived together are stored together; a task is lost only if its outcome has not been stored.
+/// have arrived together are stored together; a task is lost only if its outcome has not been stored. A task whose rank
+/// crashes has failed; one whose rank is killed is dealt again, up to three times.
 class Dealer {
 public:
     Dealer(const CampaignTasks& tasks, Journal& journal, Crew& crew, DealerCalls calls);
@@ -67,6 +70,7 @@ private:
     TaskQueue queue_;
     std::vector<Rank> ranks_;  ///< by rank; 0 is this one
     std::vector<TaskOutcome> arrived_;
+    std::map<std::int64_t, int> kills_;  ///< of ranks that had this task in work
     JournalCounts counts_;
     std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
     std::chrono::steady_clock::time_point told_;

@@ -59,6 +59,18 @@ std::vector<double> drawn_errors(const std::vector<double>& errors, estimator::R
     return drawn;
 }
 
+/// Scales errors to a mean square of 1. False: they are 0, or not known.
+bool scale(std::vector<double>& errors) {
+    double squares = 0.0;
+    for (const double error : errors)
+        squares += error * error;
+    const double rms = std::sqrt(squares / static_cast<double>(errors.size()));
+    if (!(rms > 0.0) || !std::isfinite(rms)) return false;
+    for (double& error : errors)
+        error /= rms;
+    return true;
+}
+
 }  // namespace
 
 ResampledData::ResampledData(const std::filesystem::path& run) {
@@ -67,45 +79,40 @@ ResampledData::ResampledData(const std::filesystem::path& run) {
         throw std::runtime_error(
             fmt::format("{} does not exist: the errors of a run with recorded data are taken from it", file.string()));
     const std::string text = read_whole_file(file);
-    std::size_t begin = text.find('\n') + 1;
-    while (begin < text.size()) {
+    for (std::size_t begin = text.find('\n') + 1; begin < text.size();) {
         const std::size_t end = std::min(text.find('\n', begin), text.size());
-        const std::vector<std::string> cells = cells_of(std::string_view(text).substr(begin, end - begin));
+        add(cells_of(std::string_view(text).substr(begin, end - begin)));
         begin = end + 1;
-        if (cells.size() < columns) continue;
-        Segments& segments = experiments_[cells[experiment]];
-        if (segments.empty() || segments.back().first != cells[segment]) {
-            const auto known = std::find_if(segments.begin(), segments.end(),
-                                            [&](const auto& each) { return each.first == cells[segment]; });
-            if (known == segments.end())
-                segments.emplace_back(cells[segment], Segment{});
-            else
-                std::rotate(known, known + 1, segments.end());
-        }
-        std::vector<std::string>& names = coordinates_[cells[experiment]];
-        if (std::find(names.begin(), names.end(), cells[coordinate]) == names.end()) names.push_back(cells[coordinate]);
-        Course& course = segments.back().second[cells[coordinate]];
-        course.times.push_back(cells[time]);
-        course.predicted.push_back(number(cells[predicted]));
-        course.sds.push_back(number(cells[sd]));
-        course.errors.push_back((number(cells[observed]) - course.predicted.back()) / course.sds.back());
     }
-    for (auto& [name, segments] : experiments_)
-        for (auto& [label, each] : segments)
-            for (auto& [coordinate_name, course] : each) {
-                double squares = 0.0;
-                for (const double error : course.errors)
-                    squares += error * error;
-                const double rms = std::sqrt(squares / static_cast<double>(course.errors.size()));
-                if (!(rms > 0.0) || !std::isfinite(rms))
-                    throw std::runtime_error(
-                        fmt::format("{}: {} of {} has no errors with a known sd: only runs with a "
-                                    "series or waveform residual can be drawn anew",
-                                    file.string(), coordinate_name, name));
-                for (double& error : course.errors)
-                    error /= rms;
-            }
     if (experiments_.empty()) throw std::runtime_error(fmt::format("{} holds no residuals", file.string()));
+    for (auto& [experiment_name, segments] : experiments_)
+        for (auto& [label, courses] : segments)
+            for (auto& [coordinate_name, course] : courses)
+                if (!scale(course.errors))
+                    throw std::runtime_error(
+                        fmt::format("{}: {} of {} has no errors with a known sd: only runs with a series or waveform "
+                                    "residual can be "
+                                    "drawn anew",
+                                    file.string(), coordinate_name, experiment_name));
+}
+
+void ResampledData::add(const std::vector<std::string>& cells) {
+    if (cells.size() < columns) return;
+    Segments& segments = experiments_[cells[experiment]];
+    // Mostly that of the row before.
+    auto found = std::find_if(segments.rbegin(), segments.rend(),
+                              [&](const auto& each) { return each.first == cells[segment]; });
+    if (found == segments.rend()) {
+        segments.emplace_back(cells[segment], Segment{});
+        found = segments.rbegin();
+    }
+    std::vector<std::string>& names = coordinates_[cells[experiment]];
+    if (std::find(names.begin(), names.end(), cells[coordinate]) == names.end()) names.push_back(cells[coordinate]);
+    Course& course = found->second[cells[coordinate]];
+    course.times.push_back(cells[time]);
+    course.predicted.push_back(number(cells[predicted]));
+    course.sds.push_back(number(cells[sd]));
+    course.errors.push_back((number(cells[observed]) - course.predicted.back()) / course.sds.back());
 }
 
 std::string ResampledData::table(const Segments& segments, const std::vector<std::string>& coordinates,

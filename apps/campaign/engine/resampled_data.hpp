@@ -36,6 +36,7 @@ private:
     using Segment = std::map<std::string, Course>;                  ///< by coordinate
     using Segments = std::vector<std::pair<std::string, Segment>>;  ///< by label, in the order of the file
 
+    void add(const std::vector<std::string>& cells);
     [[nodiscard]] std::string table(const Segments& segments, const std::vector<std::string>& coordinates,
                                     std::uint64_t seed, std::uint64_t& stream) const;
 

@@ -104,19 +104,18 @@ const SqliteFile& Journal::database() const {
 
 JournalCounts Journal::counts() const {
     Transaction view(database_->file, Transaction::Kind::read);
-    JournalCounts counts;
     const std::int64_t tasks = added();
-    // Outcomes without a task there are only where tasks were lost.
+    // Outcomes without a task there are only where tasks were lost. Not grouped by SQL, which would sort them.
     Statement statement(database_->file,
-                        fmt::format("SELECT state, count(*), sum(seconds), sum(processor_seconds) FROM outcome {} "
-                                    "GROUP BY state",
-                                    tasks < head().tasks ? "WHERE task IN (SELECT number FROM plan)" : ""));
-    while (statement.step()) {
-        const auto state = state_from_name(statement.bytes(0));
-        if (state == TaskState::waiting) continue;
-        (state == TaskState::done ? counts.done : counts.failed) = statement.integer(1);
-        counts.seconds += statement.null(2) ? 0 : statement.real(2);
-        counts.processor_seconds += statement.null(3) ? 0 : statement.real(3);
+                        fmt::format("SELECT sum(state = 'done'), sum(state = 'failed'), total(seconds), "
+                                    "total(processor_seconds) FROM outcome WHERE state <> 'waiting' {}",
+                                    tasks < head().tasks ? "AND task IN (SELECT number FROM plan)" : ""));
+    JournalCounts counts;
+    if (statement.step()) {
+        counts.done = statement.integer(0);
+        counts.failed = statement.integer(1);
+        counts.seconds = statement.real(2);
+        counts.processor_seconds = statement.real(3);
     }
     counts.waiting = tasks - counts.done - counts.failed;
     return counts;

@@ -64,7 +64,8 @@ CREATE VIEW varied AS SELECT entry.key AS position, json_extract(entry.value, '$
   json_extract(entry.value, '$.pointer') AS pointer, json_extract(entry.value, '$.replicate') AS replicate FROM head, json_each(head.content, '$.varied') AS entry;
 CREATE VIEW task AS SELECT plan.number, CASE typeof(key) WHEN 'blob' THEN lower(hex(key)) ELSE key END AS key,
   coalesce(state, 'waiting') AS state, coalesce(attempts, 0) AS attempts, seed, started, seconds, processor_seconds,
-  host, rank, exit_code, status, message, objective, intervals, covered, choices
+  host, rank, exit_code, status, message, objective, intervals,
+  covered AS intervals_covered, choices
   FROM plan LEFT JOIN outcome ON outcome.task = plan.number;
 CREATE VIEW choice AS SELECT plan.number AS task, varied.position, varied.name, entry.value
   FROM plan, json_each(plan.choices) AS entry JOIN varied ON varied.position = entry.key;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <tuple>
+#include <unordered_map>
 
 #include <fmt/format.h>
 
@@ -35,30 +36,48 @@ std::string duration_words(double seconds) {
     return fmt::format("{:.1f} days", seconds / 86400);
 }
 
-/// Equal messages are counted by SQL, those that differ by numbers and names here.
-std::vector<FailureReason> failure_reasons(const SqliteFile& file) {
-    std::map<std::tuple<TaskState, std::string, std::string>, FailureReason> reasons;
-    Statement rows(file,
-                   "SELECT state, status, message, count(*), min(task) FROM outcome WHERE state = 'failed' OR "
-                   "(state = 'done' AND exit_code <> 0) GROUP BY state, status, message");
-    while (rows.step()) {
-        FailureReason one{state_from_name(rows.bytes(0)), rows.text(1), rows.text(2), rows.integer(3), rows.integer(4)};
-        const auto [found, added] = reasons.try_emplace({one.state, one.status, message_pattern(one.message)}, one);
-        if (added) continue;
-        FailureReason& known = found->second;
-        known.count += one.count;
-        if (one.first < known.first) {
-            known.first = one.first;
-            known.message = one.message;
+/// Gathers reasons, a task at a time.
+class FailureReasons {
+public:
+    void add(TaskState state, std::string_view status, std::string_view message, std::int64_t task) {
+        // Mostly the messages of a campaign are few: those that were seen need no pattern.
+        key_.assign(state_name(state)).append("\n").append(status).append("\n").append(message);
+        auto known = numbers_.find(key_);
+        std::size_t number = 0;
+        if (known != numbers_.end()) {
+            number = known->second;
+        } else {
+            const auto [place, added] = patterns_.try_emplace(
+                {state, std::string(status), message_pattern(std::string(message))}, list_.size());
+            number = place->second;
+            if (added) list_.push_back({state, std::string(status), std::string(message), 0, {}});
+            if (numbers_.size() < most_known) numbers_.emplace(key_, number);
         }
+        FailureReason& reason = list_[number];
+        ++reason.count;
+        if (reason.tasks.size() < FailureReason::most_named) reason.tasks.push_back(task);
     }
-    std::vector<FailureReason> out;
-    for (auto& [key, reason] : reasons)
-        out.push_back(std::move(reason));
-    std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) {
-        return std::make_pair(-a.count, a.first) < std::make_pair(-b.count, b.first);
-    });
-    return out;
+    /// The most frequent first.
+    [[nodiscard]] std::vector<FailureReason> sorted() && {
+        std::sort(list_.begin(), list_.end(), [](const auto& a, const auto& b) {
+            return std::make_pair(-a.count, a.tasks.front()) < std::make_pair(-b.count, b.tasks.front());
+        });
+        return std::move(list_);
+    }
+
+private:
+    static constexpr std::size_t most_known = 10000;
+    std::string key_;
+    std::unordered_map<std::string, std::size_t> numbers_;
+    std::map<std::tuple<TaskState, std::string, std::string>, std::size_t> patterns_;
+    std::vector<FailureReason> list_;
+};
+
+/// The entry of a state and a status, of which there are few.
+CampaignStatus::Status& entry_of(std::vector<CampaignStatus::Status>& list, TaskState state, std::string_view status) {
+    for (auto& one : list)
+        if (one.state == state && one.status == status) return one;
+    return list.emplace_back(CampaignStatus::Status{state, std::string(status), 0});
 }
 
 }  // namespace
@@ -84,30 +103,50 @@ std::string message_pattern(const std::string& message) {
     return out;
 }
 
-CampaignStatus campaign_status(const Journal& journal) {
-    const SqliteFile& file = journal.database();
+CampaignStatus read_campaign_status(const Journal& journal) {
     CampaignStatus out;
-    out.counts = journal.counts();
-    Statement statuses(file,
-                       "SELECT state, status, count(*), min(started), max(started + seconds), "
-                       "sum(CASE WHEN exit_code = 0 THEN intervals END), sum(CASE WHEN exit_code = 0 THEN covered END) "
-                       "FROM outcome WHERE state <> 'waiting' GROUP BY state, status");
     out.first_start = std::nan("");
     out.last_end = std::nan("");
-    while (statuses.step()) {
-        const TaskState state = state_from_name(statuses.bytes(0));
-        out.statuses.push_back({state, statuses.text(1), statuses.integer(2)});
-        out.first_start = std::fmin(out.first_start, statuses.real(3));
-        out.last_end = std::fmax(out.last_end, statuses.real(4));
-        if (state != TaskState::done) continue;
-        out.intervals += statuses.integer(5);
-        out.covered += statuses.integer(6);
+    FailureReasons reasons;
+    // One scan in the order of tasks: grouping by SQL would sort all of them.
+    Statement rows(journal.database(),
+                   "SELECT state, status, exit_code, started, seconds, processor_seconds, intervals, covered, task, "
+                   "CASE WHEN exit_code <> 0 OR state = 'failed' THEN message END FROM outcome WHERE state <> "
+                   "'waiting' ORDER BY task");
+    while (rows.step()) {
+        const TaskState state = state_from_name(rows.bytes(0));
+        const bool valid = state == TaskState::done && rows.integer(2) == 0;
+        ++entry_of(out.statuses, state, rows.bytes(1)).count;
+        ++(state == TaskState::done ? out.counts.done : out.counts.failed);
+        out.counts.seconds += rows.real(4);
+        out.counts.processor_seconds += rows.real(5);
+        out.first_start = std::fmin(out.first_start, rows.real(3));
+        out.last_end = std::fmax(out.last_end, rows.real(3) + rows.real(4));
+        if (valid) {
+            out.intervals += rows.integer(6);
+            out.covered += rows.integer(7);
+        } else {
+            reasons.add(state, rows.bytes(1), rows.bytes(9), rows.integer(8));
+        }
     }
+    out.counts.waiting = journal.head().tasks - out.counts.done - out.counts.failed;
     std::sort(out.statuses.begin(), out.statuses.end(), [](const auto& a, const auto& b) {
         return std::tie(b.count, a.state, a.status) < std::tie(a.count, b.state, b.status);
     });
-    out.reasons = failure_reasons(file);
+    out.reasons = std::move(reasons).sorted();
     return out;
+}
+
+std::string time_words(const CampaignStatus& status) {
+    const auto ended = static_cast<double>(status.counts.done + status.counts.failed);
+    return fmt::format("{} of all tasks, {} of processors, {} per task; from the first start to the last end {}",
+                       duration_words(status.counts.seconds), duration_words(status.counts.processor_seconds),
+                       duration_words(status.counts.seconds / ended),
+                       duration_words(status.last_end - status.first_start));
+}
+
+std::string campaign_status(const Journal& journal) {
+    return status_text(journal.head(), read_campaign_status(journal));
 }
 
 std::string status_text(const JournalHead& head, const CampaignStatus& status, std::size_t most_reasons) {
@@ -135,17 +174,13 @@ std::string status_text(const JournalHead& head, const CampaignStatus& status, s
             100.0 * static_cast<double>(status.covered) / static_cast<double>(status.intervals), 100.0 * interval.lower,
             100.0 * interval.upper, 100.0 * interval_level);
     }
-    out +=
-        fmt::format("time: {} of all tasks, {} of processors, {} per task; from the first start to the last end {}\n",
-                    duration_words(counts.seconds), duration_words(counts.processor_seconds),
-                    duration_words(counts.seconds / static_cast<double>(ended)),
-                    duration_words(status.last_end - status.first_start));
+    out += "time: " + time_words(status) + "\n";
     if (status.reasons.empty()) return out;
     SummaryTable reasons({left_aligned("why not"), left_aligned("message"), "tasks", "first"});
     for (std::size_t k = 0; k < std::min(most_reasons, status.reasons.size()); ++k) {
         const FailureReason& reason = status.reasons[k];
         reasons.add({reason.status, reason.message, grouped_digits(static_cast<std::size_t>(reason.count)),
-                     std::to_string(reason.first)});
+                     std::to_string(reason.tasks.front())});
     }
     out += reasons.text();
     if (status.reasons.size() > most_reasons)

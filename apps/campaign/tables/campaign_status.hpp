@@ -14,7 +14,9 @@ struct FailureReason {
     std::string status;
     std::string message;  ///< that of the first of these tasks
     std::int64_t count = 0;
-    std::int64_t first = 0;  ///< number of the first of these tasks
+    std::vector<std::int64_t> tasks;  ///< numbers of the first ones, at most `most_named`
+
+    static constexpr std::size_t most_named = 12;
 };
 
 /// Where a campaign stands.
@@ -34,13 +36,18 @@ struct CampaignStatus {
     double last_end = 0;         ///< of the last one
 };
 
-/// Reads what the journal says of all tasks together, by SQL: without the checksum of each row.
-[[nodiscard]] CampaignStatus campaign_status(const Journal& journal);
+/// Reads what the journal says of all tasks that ended, without the checksum of each row: under a second for 10^6.
+[[nodiscard]] CampaignStatus read_campaign_status(const Journal& journal);
 
 /// What `orbid campaign status` prints.
-/// @param most_reasons  that are listed.
+[[nodiscard]] std::string campaign_status(const Journal& journal);
+
+/// The same of what was read. @param most_reasons  that are listed.
 [[nodiscard]] std::string status_text(const JournalHead& head, const CampaignStatus& status,
                                       std::size_t most_reasons = 10);
+
+/// "time: ..." of what ended, one sentence.
+[[nodiscard]] std::string time_words(const CampaignStatus& status);
 
 /// A message without what differs between tasks: numbers become "#", what stands in quotes "...".
 [[nodiscard]] std::string message_pattern(const std::string& message);

@@ -1,7 +1,9 @@
 #include "apps/campaign/tables/campaign_table.hpp"
 
 #include <algorithm>
+#include <array>
 #include <set>
+#include <stdexcept>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -141,14 +143,7 @@ void write_task(CsvLines& csv, const std::vector<NamedParameter>& names, const J
     csv.end_line();
 }
 
-}  // namespace
-
-std::string varied_text(const std::string& json) {
-    if (!json.starts_with('"')) return json;
-    return nlohmann::json::parse(json).get<std::string>();
-}
-
-void campaign_table(const Journal& journal, std::ostream& out, const CampaignTableOptions& options) {
+void task_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
     const auto names = named_parameters(journal);
     CsvLines csv(out);
     Heading(task_columns(names, options.times)).write(csv, journal.head().varied, all_columns(journal), 1);
@@ -159,7 +154,7 @@ void campaign_table(const Journal& journal, std::ostream& out, const CampaignTab
     csv.finish();
 }
 
-void parameter_table(const Journal& journal, std::ostream& out, const CampaignTableOptions& options) {
+void parameter_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
     std::vector<std::string> columns{"number", "status", "parameter", "value", "sd",
                                      "lower",  "upper",  "truth",     "bound"};
     if (options.times) columns.insert(columns.end(), time_columns.begin(), time_columns.end());
@@ -179,8 +174,6 @@ void parameter_table(const Journal& journal, std::ostream& out, const CampaignTa
     });
     csv.finish();
 }
-
-namespace {
 
 std::vector<std::string> summary_columns(const CampaignGroups& groups, bool times) {
     std::vector<std::string> columns{"tasks", "done", "converged", "valid", "failed"};
@@ -211,9 +204,7 @@ void write_statistics(CsvLines& csv, const ParameterStatistics& statistics, cons
     if (all.over_bound2.count() > 0) csv.number(statistics.rms_over_bound());
 }
 
-}  // namespace
-
-void summary_table(const Journal& journal, std::ostream& out, const CampaignTableOptions& options) {
+void summary_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
     CampaignGroups groups(journal.head().varied);
     journal.each_row([&](const Journal::Row& row) {
         models::stop_if_asked(options.interrupted);
@@ -230,6 +221,25 @@ void summary_table(const Journal& journal, std::ostream& out, const CampaignTabl
         csv.end_line();
     }
     csv.finish();
+}
+
+}  // namespace
+
+std::string varied_text(const std::string& json) {
+    if (!json.starts_with('"')) return json;
+    return nlohmann::json::parse(json).get<std::string>();
+}
+
+void write_campaign_table(const Journal& journal, std::ostream& out, const TableOptions& options) {
+    switch (options.table) {
+        case CampaignTable::tasks:
+            return task_table(journal, out, options);
+        case CampaignTable::parameters:
+            return parameter_table(journal, out, options);
+        case CampaignTable::summary:
+            return summary_table(journal, out, options);
+    }
+    throw std::invalid_argument("there is no such table of a campaign");
 }
 
 }  // namespace orbid::apps

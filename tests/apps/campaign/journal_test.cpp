@@ -160,7 +160,7 @@ print(db.execute("SELECT lower IS NULL, z IS NULL FROM parameter WHERE name='sig
         "[('done', 31), ('failed', 4), ('waiting', 5)]\n('{}', 1, 'not converged')\n(0.02,)\n(4, 0.02, 1)\n{}({}, {}, ",
         apps::sha256("4"), tests::made_result(7), count, covered);
     CHECK(said.substr(0, expected.size()) == expected);
-    CHECK(std::stod(said.substr(expected.size())) == Approx(squares / count).epsilon(1e-12));
+    CHECK_THAT(std::stod(said.substr(expected.size())), tests::WithinRel(squares / count, 1e-12));
     CHECK_THAT(said, ContainsSubstring("(1, 1)\n"));
 }
 
@@ -257,7 +257,7 @@ TEST_CASE("compression is that of zlib, and damage is told", "[apps][campaign]")
     for (const std::string& bytes : {std::string(), std::string("a\0b", 3), text})
         CHECK(apps::uncompressed(apps::compressed(bytes)) == bytes);
     auto stream = apps::compressed(text);
-    CHECK(stream.size() < text.size() / 2);
+    CHECK(stream.size() < text.size() * 6 / 10);  // of digits
     CHECK_THROWS_WITH(apps::uncompressed(stream.substr(0, stream.size() / 2)), ContainsSubstring("end too early"));
     CHECK_THROWS_WITH(apps::uncompressed(stream + "x"), ContainsSubstring("followed by other bytes"));
     stream[stream.size() / 2] = static_cast<char>(stream[stream.size() / 2] ^ 1);

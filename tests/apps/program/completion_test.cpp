@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/program/command_campaign.hpp"
 #include "apps/program/command_completion.hpp"
 #include "apps/program/command_table.hpp"
 #include "apps/program/manual_page.hpp"
@@ -90,6 +91,14 @@ TEST_CASE("bash completes commands, options, models, jobs and folders", "[apps][
         CHECK(models.count(model) == 1);
     CHECK(shell.offers("new landing_gear_damper wave") == List{"waveform"});
     CHECK(shell.offers("run other.json \"\"").empty());
+    List first{"my job.json", "other.json", "results"};
+    for (const std::string& verb : apps::campaign_verbs())
+        first.insert(verb);
+    CHECK(shell.offers("campaign \"\"") == first);
+    CHECK(shell.offers("campaign ret") == List{"retry"});
+    CHECK(shell.offers("campaign o") == List{"other.json"});
+    CHECK(shell.offers("campaign status \"\"") == List{"results"});
+    CHECK(shell.offers("new campaign boot") == List{"bootstrap"});
     CHECK(shell.offers("nonsense \"\"").empty());
 }
 

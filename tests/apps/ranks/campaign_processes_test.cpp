@@ -42,7 +42,7 @@ TEST_CASE("Threads and processes store the same outcomes of every task", "[campa
         REQUIRE(other.outcome.parameters.size() == 1);
         CHECK(row.outcome.parameters[0].value == other.outcome.parameters[0].value);
         CHECK(row.outcome.parameters[0].value ==
-              Catch::Approx(static_cast<double>(1 + number / 40) + 1e-3 * static_cast<double>(1 + number % 40)));
+              Approx(static_cast<double>(1 + number / 40) + 1e-3 * static_cast<double>(1 + number % 40)));
     }
 }
 

@@ -15,7 +15,12 @@ using orbid::estimator::Ranks;
 namespace {
 
 int exchanged(Ranks& ranks) {
-    if (ranks.rank() != 0) return rank_exchange::follow(ranks);
+    if (ranks.rank() != 0) {
+        // As a batch system does before it ends a job: rank 0 decides what happens.
+        std::raise(SIGINT);
+        std::raise(SIGTERM);
+        return rank_exchange::follow(ranks);
+    }
     rank_exchange::lead(ranks);
     std::cout << ranks.count() << " ranks have exchanged messages" << std::endl;
     return 0;
