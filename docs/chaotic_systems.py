@@ -130,7 +130,7 @@ def not_solved(cases):
         for case, runs in cases.items():
             for run in runs:
                 if run.system == system and not run.solved:
-                    weakest = f"{100 * run.weakest:.2g} %" if math.isfinite(run.weakest) else "not known"
+                    weakest = f"{100 * run.weakest:{'.0f' if run.weakest > 0.1 else '.2g'}} %" if math.isfinite(run.weakest) else "not known"
                     lines.append(f"| {system} | {CASES[case]} | {reason(run)} | {weakest} |")
     return "\n".join(lines)
 
@@ -199,7 +199,7 @@ def errors_over_bounds(cases):
     height = row * len(systems)
     picture = Picture(500, round(top + height + 30), "Errors over the expected ones, by system",
                       "Root mean square over the parameters of error / expected sd; hollow: not solved")
-    low, high = 0.01, 100.0
+    low, high = 0.001, 100.0
     def x_of(value):
         return left + width * math.log(min(max(value, low), high) / low) / math.log(high / low)
     for k, case in enumerate(cases):
@@ -207,7 +207,7 @@ def errors_over_bounds(cases):
         picture.text(left + 16 + 130 * k, 14.7, CASES[case], "start")
     picture.dot(14, 12, FRAME, hollow=True)
     picture.text(20, 14.7, "not solved", "start")
-    for power in range(-2, 3):
+    for power in range(-3, 3):
         x = x_of(10.0 ** power)
         picture.line([(x, top - 4), (x, top + height)], FRAME if power == 0 else GRID, 0.8 if power == 0 else 0.5)
         picture.text(x, top + height + 11, f"{10.0 ** power:g}")
