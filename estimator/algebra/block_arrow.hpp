@@ -45,7 +45,7 @@ struct BlockTriangle {
 /// weigh 1e10 times the others.
 ///
 /// Spread over ranks, each has its blocks, and the rows that belong to them. factorise(), condense() with damping,
-/// latent_steps(), model_change(), log_abs_determinant() and visit_covariance() are then operations of all ranks
+/// latent_steps(), model_change(), log_abs_determinant() and other sums, and visit_covariance() are then operations of all ranks
 /// together; parameters and sums are the same on each.
 struct BlockArrow {
     Eigen::Index parameters = 0;
@@ -114,6 +114,9 @@ struct ModelChange {
 
 /// Sum of ln|R_jj| over all latent states, links included: ln|H_zz| is twice that. Dead states contribute nothing.
 [[nodiscard]] double log_abs_determinant(const ReducedProblem& reduced_problem);
+
+/// Number of latent states that nothing determines.
+[[nodiscard]] Eigen::Index undetermined_states(const BlockArrow& arrow);
 
 /// Passes every block's covariance of (z_b, y) to `node`, and that of (z_b, z_next, y) of blocks with next >= 0 and
 /// link rows to `link` (empty: not wanted); see chain_covariance(). Links of moderate weight only: at tight ones

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -123,6 +124,16 @@ ModelChange model_change(const BlockArrow& arrow, const Eigen::VectorXd& d, cons
         sum.quadratic += change.quadratic;
     }
     return {arrow.spread.sum(sum.linear), arrow.spread.sum(sum.quadratic)};
+}
+
+Eigen::Index undetermined_states(const BlockArrow& arrow) {
+    double count = 0.0;
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b)
+        if (arrow.spread.owns(b)) {
+            const std::vector<bool>& dead = arrow.blocks[b].dead;
+            count += static_cast<double>(std::count(dead.begin(), dead.end(), true));
+        }
+    return static_cast<Eigen::Index>(arrow.spread.sum(count));
 }
 
 double log_abs_determinant(const ReducedProblem& reduced_problem) {

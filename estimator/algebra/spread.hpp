@@ -23,8 +23,11 @@ struct Spread {
         if (ranks != nullptr) ranks->sum(values);
     }
     [[nodiscard]] double sum(double value) const {
-        sum({&value, 1});
+        sum(std::span<double>(&value, 1));
         return value;
+    }
+    void sum(Eigen::VectorXd& values) const {
+        sum(std::span<double>(values.data(), static_cast<std::size_t>(values.size())));
     }
     [[nodiscard]] bool any(bool value) const { return ranks != nullptr ? ranks->any(value) : value; }
 };

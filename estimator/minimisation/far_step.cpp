@@ -67,6 +67,8 @@ void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const Nois
         add(problem.rows[b].parts, point.standard.own_rows(b), spread.own[b]);
         add(problem.rows[b].linked_parts, point.standard.linked_rows(b), spread.linked[b]);
     }
+    problem.set->spread.sum(std::span<double>(sum.data(), static_cast<std::size_t>(sum.size())));
+    records = problem.set->spread.sum(records);
     const Eigen::MatrixXd lower = covariance_root(law, psi);
     Eigen::MatrixXd v = lower * sum * lower.transpose();
     double divisor = records;

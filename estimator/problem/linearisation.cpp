@@ -230,7 +230,7 @@ WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std:
 
 WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                              const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows,
-                             bool factorised) {
+                             bool factorised, const Spread& spread) {
     WhitenedArrow result;
     Eigen::Index parameters = 0;
     std::vector<char> in_chain(rows.size(), 0);
@@ -281,10 +281,13 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
     });
     for (const double part : value)
         result.value += part;
-    if (factorised)
-        result.arrow = factorise(std::move(blocks), parameters);
-    else
+    result.value = spread.sum(result.value);
+    if (factorised) {
+        result.arrow = factorise(std::move(blocks), parameters, spread);
+    } else {
         result.arrow.blocks = std::move(blocks);
+        result.arrow.spread = spread;
+    }
     return result;
 }
 
