@@ -45,8 +45,8 @@ struct BlockTriangle {
 /// weigh 1e10 times the others.
 ///
 /// Spread over ranks, each has its blocks, and the rows that belong to them. factorise(), condense() with damping,
-/// latent_steps(), model_change(), log_abs_determinant() and other sums, and visit_covariance() are then operations of all ranks
-/// together; parameters and sums are the same on each.
+/// latent_steps(), model_change(), log_abs_determinant() and other sums, and visit_covariance() are then operations of
+/// all ranks together; parameters and sums are the same on each.
 struct BlockArrow {
     Eigen::Index parameters = 0;
     std::vector<BlockTriangle> blocks;

@@ -57,7 +57,7 @@ inline Eigen::Index own_rows(const ChainNode& node) {
 
 /// Plain loops below: the matrices are as small as a state, and calls for general ones cost more than the copies.
 inline void put(const double* from, Eigen::Index from_stride, Eigen::Index rows, Eigen::Index columns, double* to,
-         Eigen::Index to_stride) {
+                Eigen::Index to_stride) {
     for (Eigen::Index j = 0; j < columns; ++j)
         for (Eigen::Index i = 0; i < rows; ++i)
             to[j * to_stride + i] += from[j * from_stride + i];
@@ -81,7 +81,7 @@ inline void put_own(const ChainNode& node, Eigen::Index row, Eigen::Index first,
 
 /// The rows of an edge, its left states from column `left`, the right ones from `right`; they are added.
 inline void put_edge(const Edge& edge, Eigen::Index row, Eigen::Index left, Eigen::Index l_left, Eigen::Index right,
-              Eigen::Index l_right, Eigen::Index width, Rows& a) {
+                     Eigen::Index l_right, Eigen::Index width, Rows& a) {
     const Eigen::Index m = edge.rows;
     if (m == 0) return;
     double* const to = a.data() + row;

@@ -105,8 +105,13 @@ PartJoins::PartJoins(Collective& ranks, std::vector<ChainPart> own, Eigen::Matri
             parts.pop_back();
             following.erase(following.begin());
             if (!join.complete) {
-                parts.push_back({left.first, right.last, left.earlier, right.later, join.factor.ends,
-                                 {left.own[0], right.own[1]}, {}});
+                parts.push_back({left.first,
+                                 right.last,
+                                 left.earlier,
+                                 right.later,
+                                 join.factor.ends,
+                                 {left.own[0], right.own[1]},
+                                 {}});
                 parts.back().limit.resize(left.first + right.last);
                 parts.back().limit << left.limit.head(left.first), right.limit.tail(right.last);
             }

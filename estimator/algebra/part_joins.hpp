@@ -13,13 +13,13 @@ namespace orbid::estimator {
 
 /// What the elimination of the inner nodes of a part of a chain leaves.
 struct ChainPart {
-    Eigen::Index first = 0;  ///< latent states of its first node
-    Eigen::Index last = 0;   ///< of its last node
-    bool earlier = false;    ///< the first node is the last one of a part of the previous rank
-    bool later = false;      ///< the last node is the first one of a part of the next rank
-    Eigen::MatrixXd rows;    ///< between both, see ChainFactor::ends
+    Eigen::Index first = 0;              ///< latent states of its first node
+    Eigen::Index last = 0;               ///< of its last node
+    bool earlier = false;                ///< the first node is the last one of a part of the previous rank
+    bool later = false;                  ///< the last node is the first one of a part of the next rank
+    Eigen::MatrixXd rows;                ///< between both, see ChainFactor::ends
     std::array<Eigen::MatrixXd, 2> own;  ///< of each, see ChainFactor::own_of_ends
-    Eigen::VectorXd limit;   ///< of the columns of both nodes, see ChainNode::limit
+    Eigen::VectorXd limit;               ///< of the columns of both nodes, see ChainNode::limit
 };
 
 /// The chains that are spread over ranks, from the parts that the ranks have: parts of successive ranks are joined

@@ -20,7 +20,8 @@ constexpr int provisional_limit = 60;
 
 }  // namespace
 
-OuterLoop::OuterLoop(const Problem& problem, State& state, std::vector<ActiveSet> active) : problem_(problem), state_(state) {
+OuterLoop::OuterLoop(const Problem& problem, State& state, std::vector<ActiveSet> active)
+    : problem_(problem), state_(state) {
     for (std::size_t r = 0; r < active.size(); ++r) {
         ResidualCount count{std::string(problem.residuals[r]->type()), 0, 0, 0, 0, {}};
         count.lost = static_cast<int>(std::count_if(active[r].layout.begin(), active[r].layout.end(),
@@ -116,7 +117,8 @@ bool OuterLoop::go_on(int& provisional) {
     const bool at_start = minimum.outcome == Outcome::start_failed;
     if (blocked && problem_.ranks != nullptr) {
         // A chain without one of its blocks would have to be cut anew.
-        minimum.message = at_start ? "a block cannot be evaluated at the start" : "a block stopped three steps in a row";
+        minimum.message =
+            at_start ? "a block cannot be evaluated at the start" : "a block stopped three steps in a row";
         if (minimum.stopped.empty())
             minimum.message += ", on another rank";
         else

@@ -54,7 +54,8 @@ TrialStep Minimisation::step_of(const Eigen::VectorXd& p) {
 /// Gradient of the objective where it has these rows, by the unknowns.
 Eigen::VectorXd Minimisation::gradient_of(const std::vector<BlockRows>& rows, const PriorModel& prior) {
     const BlockArrow arrow =
-        standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false, set_.spread).arrow;
+        standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false, set_.spread)
+            .arrow;
     Eigen::VectorXd gradient(unknowns());
     for (Eigen::Index i = 0; i < gradient.size(); ++i) {
         const TrialStep unit = step_of(Eigen::VectorXd::Unit(gradient.size(), i));

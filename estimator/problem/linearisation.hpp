@@ -82,7 +82,6 @@ struct WhitenedArrow {
 /// @param factorised  false: the rows of the blocks alone, enough for model_change().
 [[nodiscard]] WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                                            const Eigen::VectorXd& psi, double matching, Curvature curvature,
-                                           bool keep_rows = false, bool factorised = true,
-                                           const Spread& spread = {});
+                                           bool keep_rows = false, bool factorised = true, const Spread& spread = {});
 
 }  // namespace orbid::estimator

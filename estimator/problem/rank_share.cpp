@@ -28,8 +28,7 @@ std::vector<double> common_numbers(const Problem& problem, const State& state) {
     const EstimateOptions& options = problem.options;
     std::vector<double> numbers{options.step_tolerance, options.relative_singular_value,
                                 static_cast<double>(options.maximum_iterations),
-                                static_cast<double>(options.maximum_rounds),
-                                static_cast<double>(options.variance)};
+                                static_cast<double>(options.maximum_rounds), static_cast<double>(options.variance)};
     for (std::size_t i = 0; i < problem.parameters.size(); ++i) {
         const FreeParameter& parameter = problem.parameters[i];
         const auto at = static_cast<Eigen::Index>(i);

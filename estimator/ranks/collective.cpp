@@ -50,8 +50,6 @@ void Collective::send(int to, const RankNumbers& numbers) {
     content.push_back(operation_);
     content.insert(content.end(), numbers.values_.begin(), numbers.values_.end());
     ranks_.send(to, std::as_bytes(std::span(content)));
-    ++messages_;
-    bytes_ += content.size() * sizeof(double);
 }
 
 RankNumbers Collective::receive(int from) {

@@ -60,10 +60,6 @@ public:
     /// @throws std::runtime_error when the rank has ended, or is at another operation.
     [[nodiscard]] RankNumbers receive(int from);
 
-    /// Sent by this rank so far.
-    [[nodiscard]] std::size_t messages() const { return messages_; }
-    [[nodiscard]] std::size_t bytes() const { return bytes_; }
-
 private:
     void send_down(std::span<double> values);
 
@@ -71,8 +67,6 @@ private:
     std::vector<int> children_;
     int parent_ = -1;
     double operation_ = 0.0;  ///< its number in the sequence, times ten, plus its kind
-    std::size_t messages_ = 0;
-    std::size_t bytes_ = 0;
 };
 
 }  // namespace orbid::estimator

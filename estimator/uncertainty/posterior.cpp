@@ -139,11 +139,11 @@ void Posterior::add_error_uncertainty() {
         for (const double sign : {-1.0, 1.0}) {
             Eigen::VectorXd shifted = state_.psi;
             shifted[k] += sign * h;
-            const ReducedProblem reduced_problem = condense(
-                standard_arrow(errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected, false, true,
-                               set_.spread)
-                    .arrow,
-                0.0);
+            const ReducedProblem reduced_problem =
+                condense(standard_arrow(errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected,
+                                        false, true, set_.spread)
+                             .arrow,
+                         0.0);
             difference += sign / (2.0 * h) * (reduced_problem.r.transpose() * reduced_problem.rhs);
         }
         models::solve_transposed_upper_in_place(point_.triangle, difference);

@@ -86,8 +86,7 @@ Found found_by_ranks(const StackedProblem& problem, const std::vector<std::size_
         spread.ranks = &all;
         if (linked(own)) spread.before = 0;
         if (linked(own + 1)) spread.after = static_cast<std::ptrdiff_t>(end - begins[own]);
-        of[own] =
-            found_in(part_of(problem, begins[own], end, linked(own + 1)), problem.parameters, mu, spread);
+        of[own] = found_in(part_of(problem, begins[own], end, linked(own + 1)), problem.parameters, mu, spread);
     });
     Found found = of[0];
     for (std::size_t rank = 1; rank < count; ++rank) {
@@ -130,8 +129,7 @@ Difference difference(const Found& a, const Found& b) {
         return y.norm() > 0.0 ? (x - y).norm() / y.norm() : x.norm();
     };
     result.common = std::max({relative(a.square, b.square), relative(a.d, b.d),
-                              std::abs(a.log_determinant - b.log_determinant) /
-                                  (1.0 + std::abs(b.log_determinant)),
+                              std::abs(a.log_determinant - b.log_determinant) / (1.0 + std::abs(b.log_determinant)),
                               std::abs(a.change.linear - b.change.linear) / std::abs(b.change.linear),
                               std::abs(a.change.quadratic - b.change.quadratic) / std::abs(b.change.quadratic)});
     REQUIRE(a.z.size() == b.z.size());
