@@ -96,8 +96,7 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
     Eigen::VectorXd psi = state.psi;
     for (std::size_t k = 0; k < problem.errors.size(); ++k)
         if (problem.errors[k].start_unknown()) psi[static_cast<Eigen::Index>(k)] = 0.0;
-    const WhitenedArrow standard =
-        standard_arrow(rows, problem.laws, psi, matching, Curvature::expected, true, true, set.spread);
+    const WhitenedArrow standard = standard_arrow(set, rows, problem.laws, psi, matching, Curvature::expected, true);
     const std::vector<Eigen::VectorXd> d_z =
         latent_steps(standard.arrow, condense(standard.arrow, 0.0), Eigen::VectorXd::Zero(state.u.size()));
     Eigen::VectorXd square = Eigen::VectorXd::Zero(state.psi.size());

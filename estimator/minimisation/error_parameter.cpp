@@ -233,8 +233,8 @@ void add_error_priors(const ErrorProblem& problem, const Eigen::VectorXd& psi, E
 ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
     const Eigen::Index rank = problem.prior_gradient.size();
     ErrorPoint point;
-    point.standard = standard_arrow(problem.rows, *problem.laws, psi, problem.matching, Curvature::expected, true, true,
-                                    problem.set->spread);
+    point.standard =
+        standard_arrow(*problem.set, problem.rows, *problem.laws, psi, problem.matching, Curvature::expected, true);
     point.reduced_problem = condense(point.standard.arrow, 0.0);
     point.value = point.standard.value;
 

@@ -24,8 +24,8 @@ double Minimisation::misfit() const {
 }
 
 void Minimisation::factorise_errors() {
-    WhitenedArrow standard = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature(),
-                                            false, true, set_.spread);
+    WhitenedArrow standard =
+        standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
     arrow_ = std::move(standard.arrow);
     value_ = standard.value;
 }

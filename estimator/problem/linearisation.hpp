@@ -83,5 +83,11 @@ struct WhitenedArrow {
 [[nodiscard]] WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                                            const Eigen::VectorXd& psi, double matching, Curvature curvature,
                                            bool keep_rows = false, bool factorised = true, const Spread& spread = {});
+/// The same, factorised, of a set that may be spread over ranks.
+[[nodiscard]] inline WhitenedArrow standard_arrow(const BlockSet& set, const std::vector<BlockRows>& rows,
+                                                  const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                                                  double matching, Curvature curvature, bool keep_rows = false) {
+    return standard_arrow(rows, laws, psi, matching, curvature, keep_rows, true, set.spread);
+}
 
 }  // namespace orbid::estimator

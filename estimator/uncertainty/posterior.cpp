@@ -46,9 +46,7 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
         const Prior& prior = problem.parameters[index].prior;
         if (is_proper(prior)) column_size[i] = problem.coordinates[index].prior_sd(prior, state.theta[i]);
     }
-    arrow_ = standard_arrow(minimum.rows, problem.laws, state.psi, minimum.matching, Curvature::expected, false, true,
-                            set.spread)
-                 .arrow;
+    arrow_ = standard_arrow(set, minimum.rows, problem.laws, state.psi, minimum.matching, Curvature::expected).arrow;
     reduced_problem_ = condense(arrow_, 0.0);
     identifiability_ = identifiability(reduced_problem_.r, step, size, column_size);
 
@@ -139,11 +137,10 @@ void Posterior::add_error_uncertainty() {
         for (const double sign : {-1.0, 1.0}) {
             Eigen::VectorXd shifted = state_.psi;
             shifted[k] += sign * h;
-            const ReducedProblem reduced_problem =
-                condense(standard_arrow(errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected,
-                                        false, true, set_.spread)
-                             .arrow,
-                         0.0);
+            const ReducedProblem reduced_problem = condense(
+                standard_arrow(set_, errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected)
+                    .arrow,
+                0.0);
             difference += sign / (2.0 * h) * (reduced_problem.r.transpose() * reduced_problem.rhs);
         }
         models::solve_transposed_upper_in_place(point_.triangle, difference);

@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "tests/catch.hpp"
+#include "tests/estimator/algebra/part_of_problem.hpp"
 #include "tests/estimator/problem/stacked_problem.hpp"
 #include "tests/estimator/ranks/on_ranks.hpp"
 
@@ -14,6 +13,7 @@ namespace spread_chain_test {
 
 using namespace orbid::estimator;
 using orbid::estimator::test::Numbers;
+using orbid::estimator::test::part_of;
 using orbid::estimator::test::StackedBlock;
 using orbid::estimator::test::StackedProblem;
 using orbid::tests::on_ranks;
@@ -55,20 +55,6 @@ Found found_in(std::vector<BlockTriangle> blocks, Eigen::Index q, double mu, con
     };
     visit_covariance(arrow, reduced, inverse_square(reduced.r), into(found.node), into(found.link));
     return found;
-}
-
-/// Blocks [begin, end) of a problem whose chains follow each other, and the first block after them if a chain goes on.
-std::vector<BlockTriangle> part_of(const StackedProblem& problem, std::size_t begin, std::size_t end, bool goes_on) {
-    std::vector<BlockTriangle> whole = problem.blocks();
-    std::vector<BlockTriangle> part(whole.begin() + static_cast<std::ptrdiff_t>(begin),
-                                    whole.begin() + static_cast<std::ptrdiff_t>(end));
-    if (goes_on) {
-        const Eigen::Index l = whole[end].latents;
-        part.push_back(linked_block(Eigen::MatrixXd(0, l + problem.parameters + 1), l));
-    }
-    for (BlockTriangle& block : part)
-        if (block.next >= 0) block.next -= static_cast<std::ptrdiff_t>(begin);
-    return part;
 }
 
 /// The same by ranks that begin at these blocks, put together again. Where two ranks have a block, both must agree.
@@ -274,46 +260,6 @@ TEST_CASE("The same number of ranks gives the same bytes", "[estimator][ranks]")
     CHECK(once.z == again.z);
     for (std::size_t b = 0; b < once.node.size(); ++b)
         CHECK(once.node[b] == again.node[b]);
-}
-
-TEST_CASE("Parts of a chain that do not fit together are refused", "[estimator][ranks]") {
-    const StackedProblem problem = test::random_problem(8, 2, 1, test::Shape::chain, 1.0, 3);
-    const auto message_of = [&](const auto& part) {
-        try {
-            on_ranks(2, [&](Ranks& ranks) {
-                Collective all(ranks);
-                Spread spread;
-                spread.ranks = &all;
-                std::vector<BlockTriangle> blocks = part(ranks.rank(), spread);
-                static_cast<void>(factorise(std::move(blocks), 1, spread));
-            });
-        } catch (const std::exception& error) {
-            return std::string(error.what());
-        }
-        return std::string();
-    };
-    const auto has = [](const std::string& text, const std::string& what) {
-        CAPTURE(text);
-        CHECK(text.find(what) != std::string::npos);
-    };
-    has(message_of([&](int rank, Spread& spread) {
-            if (rank == 0) spread.after = 3;  // the last own block, with its rows
-            if (rank == 1) spread.before = 0;
-            std::vector<BlockTriangle> part = part_of(problem, rank == 0 ? 0 : 4, rank == 0 ? 4 : 8, false);
-            if (rank == 0) part.back().next = -1, part.back().link.resize(0, 0);
-            return part;
-        }),
-        "rows of its own");
-    has(message_of([&](int rank, Spread& spread) {
-            if (rank == 1) spread.before = 0;
-            return part_of(problem, rank == 0 ? 0 : 4, rank == 0 ? 4 : 8, rank == 0);
-        }),
-        "do not fit together");
-    has(message_of([&](int rank, Spread& spread) {
-            (rank == 0 ? spread.after : spread.before) = rank == 0 ? 4 : 1;
-            return part_of(problem, rank == 0 ? 0 : 4, rank == 0 ? 4 : 8, rank == 0);
-        }),
-        "must begin a chain");
 }
 
 }  // namespace spread_chain_test
