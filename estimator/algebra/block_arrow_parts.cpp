@@ -54,6 +54,7 @@ void share_link_norms(BlockArrow& arrow) {
         send(ranks.rank() - 1, first.head(l_first));
     }
     if (has_next) last.tail(l_last) = ranks.receive(ranks.rank() + 1).take_matrix();
+    ranks.end_with_neighbours(2);
     if (!has_next && l_last > 0) refuse_end(arrow.spread.after, "is on the last rank");
     if (ranks.rank() == 0 && l_first > 0) refuse_end(arrow.spread.before, "is on the first rank");
 }

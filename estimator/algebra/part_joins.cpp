@@ -124,14 +124,11 @@ PartJoins::PartJoins(Collective& ranks, std::vector<ChainPart> own, Eigen::Matri
         RankNumbers numbers;
         put(parts, rest, numbers);
         ranks.send(ranks.parent(), numbers);
-        rest = ranks.receive(ranks.parent()).take_matrix();
     } else if (!parts.empty()) {
         throw std::invalid_argument("ranks: a chain goes on beyond the first or the last rank");
     }
-    RankNumbers numbers;
-    numbers.put(rest);
-    for (auto child = ranks.children().rbegin(); child != ranks.children().rend(); ++child)
-        ranks.send(*child, numbers);
+    ranks.end_along_tree();
+    ranks.tell({rest.data(), static_cast<std::size_t>(rest.size())});
 }
 
 /// Takes what is known of the ends of parts down the tree to the own parts.
@@ -165,6 +162,7 @@ std::vector<Eigen::MatrixXd> PartJoins::descend(const Whole& whole, const Within
         ranks_.send(join->other, numbers);
         known = std::move(own);
     }
+    ranks_.end_along_tree();
     return known;
 }
 

@@ -129,7 +129,9 @@ Estimate estimate_over_ranks(const std::vector<FreeParameter>& parameters,
     if (options.verdict) refuse("the check of the normal approximation", "EstimateOptions::verdict must be false");
     if (options.full_hessian) refuse("the full Hessian", "EstimateOptions::full_hessian must be false");
     Collective collective(ranks);
-    return estimate_at({&collective, share}, parameters, residuals, derived, options);
+    Estimate result = estimate_at({&collective, share}, parameters, residuals, derived, options);
+    collective.meet();
+    return result;
 }
 
 }  // namespace orbid::estimator

@@ -135,6 +135,7 @@ void share_states(const BlockSet& set, State& state) {
     } else if (set.spread.after >= 0) {
         wrong = "the chain goes on beyond the last rank";
     }
+    ranks.end_with_neighbours(1);
     if (ranks.rank() == 0 && set.spread.before >= 0) wrong = "the chain begins before the first rank";
     require_everywhere(ranks, wrong);
 }

@@ -73,6 +73,7 @@ Found found_by_ranks(const StackedProblem& problem, const std::vector<std::size_
         if (linked(own)) spread.before = 0;
         if (linked(own + 1)) spread.after = static_cast<std::ptrdiff_t>(end - begins[own]);
         of[own] = found_in(part_of(problem, begins[own], end, linked(own + 1)), problem.parameters, mu, spread);
+        all.meet();
     });
     Found found = of[0];
     for (std::size_t rank = 1; rank < count; ++rank) {
