@@ -36,7 +36,7 @@ programs = {
     "identification_bench": ([["lorenz", "pendulum", "1000", "paper", "5000", "iteration", "5000"]], [[]]),
     "orbit_search_bench": ([["parametric_pendulum", "3", "14"]], [[]]),
     "periodic_bench": ([[]], [[]]),
-    "rank_chain_bench": ([["2e4", "2"]], [[]]),
+    "rank_chain_bench": ([["2e4", "2"]], [["1e5", "1", "2", "4"], ["1e6", "2", "4"]]),
     "scale_bench": ([[]], [[], ["henon", "1e8"]]),
     "sensitivity_bench": ([[]], [[]]),
     "start_region_bench": ([[CYCLES, "10"]], [[CYCLES]]),
