@@ -51,6 +51,11 @@ std::vector<Estimate> by_ranks(const Whole& whole, const std::vector<FreeParamet
     return results;
 }
 
+/// How far values of two estimates may differ, in sds: each ends where this much is left, which rounding may hide.
+double reach(const Estimate& a, const Estimate& b, double tolerance) {
+    return tolerance + 2.0 * (a.remaining + b.remaining);
+}
+
 /// All that must be the same, with one relative tolerance for values in sds and for sds.
 void check_same(const std::vector<Estimate>& parts, const Estimate& one, double tolerance) {
     for (const Estimate& part : parts) {
@@ -60,9 +65,9 @@ void check_same(const std::vector<Estimate>& parts, const Estimate& one, double 
         for (std::size_t i = 0; i < one.parameters.size(); ++i) {
             const auto &found = part.parameters[i], &expected = one.parameters[i];
             CHECK(found.value == parts.front().parameters[i].value);
-            CHECK_THAT(found.value, WithinAbs(expected.value, tolerance * expected.sd));
+            CHECK_THAT(found.value, WithinAbs(expected.value, reach(part, one, tolerance) * expected.sd));
             CHECK_THAT(found.sd, WithinRel(expected.sd, tolerance));
-            CHECK_THAT(found.upper95, WithinAbs(expected.upper95, tolerance * expected.sd));
+            CHECK_THAT(found.upper95, WithinAbs(expected.upper95, 10.0 * reach(part, one, tolerance) * expected.sd));
             CHECK(found.interval_method == expected.interval_method);
         }
         for (std::size_t i = 0; i < one.scales.size(); ++i) {
@@ -84,7 +89,8 @@ void check_same(const std::vector<Estimate>& parts, const Estimate& one, double 
         const auto &z = parts[r].latents[0], &sd = parts[r].latent_sds[0];
         if (r > 0 && b < one.latents[0].size() && parts[r - 1].latents[0].back() == z.front()) --b;
         for (std::size_t i = 0; i < z.size(); ++i, ++b) {
-            REQUIRE((z[i] - one.latents[0][b]).cwiseQuotient(one.latent_sds[0][b]).norm() < tolerance);
+            REQUIRE((z[i] - one.latents[0][b]).cwiseQuotient(one.latent_sds[0][b]).norm() <
+                    reach(parts[r], one, tolerance));
             REQUIRE((sd[i] - one.latent_sds[0][b]).norm() < 10.0 * tolerance * one.latent_sds[0][b].norm());
         }
     }
@@ -131,7 +137,7 @@ TEST_CASE("Two scales, heavy tails, bounds and priors over ranks", "[estimator][
     parameters[1].upper = 0.5;
     const MapChainResidual residual(henon, henon_readings(200, 1e-2, 5), student("reading", 1e-2),
                                     {false, group("matching", 1e-3, false), {}});
-    // Heavy tails end where rounding hides the objective: one process is 2.7e-7 sds from the minimum.
+    // With heavy tails rounding hides the objective early: one process ends 2.7e-7 sds from the minimum.
     compare(residual, parameters, options_for_ranks(), 1e-6);
     parameters[1].upper = 0.295;
     parameters[1].start = 0.29;
@@ -139,7 +145,8 @@ TEST_CASE("Two scales, heavy tails, bounds and priors over ranks", "[estimator][
     REQUIRE(one.parameters[1].at_bound == estimator::BoundSide::upper);
     for (const Estimate& part : by_ranks(residual, parameters, 3, options_for_ranks())) {
         CHECK(part.parameters[1].at_bound == estimator::BoundSide::upper);
-        CHECK_THAT(part.parameters[0].value, WithinAbs(one.parameters[0].value, 1e-7 * one.parameters[0].sd));
+        CHECK_THAT(part.parameters[0].value,
+                   WithinAbs(one.parameters[0].value, reach(part, one, 1e-7) * one.parameters[0].sd));
     }
 }
 
