@@ -381,7 +381,7 @@ def campaign(bin_dir, work, lines, name):
     table = subprocess.run([orbid, "campaign", "export", str(folder), "--table", "summary"], capture_output=True, text=True, check=True)
     rows = list(csv.DictReader(table.stdout.splitlines()))
     columns = list(rows[0])
-    settings = columns[:columns.index("tasks")]
+    settings = [column for column in columns[:columns.index("tasks")] if len({row[column] for row in rows}) > 1]
     judged = [column.removesuffix("_coverage") for column in columns if column.endswith("_coverage")]
     shown = [*settings, "converged", "", "95 % intervals that hold the truth", "rms z", "mean sd over value", "rms error over bound"]
     lines += [f"`orbid campaign configs/campaigns/{name}.json`:", "", f"| {' | '.join(shown)} |", "|---" * len(shown) + "|"]
