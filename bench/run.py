@@ -36,6 +36,7 @@ programs = {
     "orbit_search_bench": ([["parametric_pendulum", "3", "14"]], [[]]),
     "periodic_bench": ([[]], [[]]),
     "campaign_bench": ([["20000", "0"], ["2000", "1"]], [["100000", "0"], ["100000", "1"], ["200", "1000"]]),
+    "rank_chain_bench": ([["2e4", "2"]], [["1e5", "1", "2", "4"], ["1e6", "2", "4"]]),
     "scale_bench": ([[]], [[], ["henon", "1e8"]]),
     "sensitivity_bench": ([[]], [[]]),
     "auto/compare.py": ([["{build}"]], [["{build}"]]),

@@ -54,7 +54,9 @@ Journal whole_journal(const std::filesystem::path& folder, std::ostream& message
         return Journal::open(file, Journal::Access::write);
     } catch (const JournalDamaged& damage) {
         recover(file, damage, messages);
-        return Journal::open(file, Journal::Access::write);
+        Journal journal = Journal::open(file, Journal::Access::write);
+        add_missing_tasks(tasks_of(journal), journal);
+        return journal;
     }
 }
 

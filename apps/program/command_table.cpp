@@ -73,33 +73,32 @@ std::vector<Command> job_commands() {
 }
 
 std::vector<Command> campaign_commands() {
-    return {Command{"campaign",
-                    "many runs with one journal, resumable",
-                    {{"CAMPAIGN.json", WordKind::job_file, false, campaign_verbs}, {"DIR", WordKind::folder, true}},
-                    {{"out", "DIR",
-                      "folder of the journal (default: the campaign's path without .json); of export: file of the table",
-                      WordKind::folder},
-                     {"threads", "N", "tasks at the same time (default 0: one per core)", WordKind::number},
-                     {"engine", "NAME", "who computes (default auto: ranks of MPI, else processes)", WordKind::choice,
-                      engine_choices},
-                     {"quiet", "", "no progress on standard error"},
-                     {"progress", "SECONDS", "without a terminal: time between two lines (default 10)",
-                      WordKind::number},
-                     {"status", "WORD", "of retry: only tasks that failed so (crash, data, error, invalid, time_limit)"},
-                     {"table", "NAME", "of export: which table (default tasks)", WordKind::choice,
-                      campaign_table_choices},
-                     {"times", "", "of export: also attempts, host, rank and times"},
-                     {"job", "N", "of export: the job of task N, to run it alone", WordKind::number},
-                     {"result", "N", "of export: the result.json of task N", WordKind::number}},
-                    {{"orbid campaign coverage.json --out out", "out/campaign.sqlite; the same command goes on"},
-                     {"orbid campaign status out", "how far it is, and what failed"},
-                     {"orbid campaign retry out --status crash", "failed tasks once more"},
-                     {"orbid campaign export out --table summary", "CSV"},
-                     {"orbid campaign report out", "out/report.html"},
-                     {"mpiexec -n 64 orbid campaign coverage.json", "on a cluster"}},
-                    run_campaign_command,
-                    "In the place of CAMPAIGN.json: status, retry, export or report, followed by DIR,\nthe folder of a "
-                    "campaign."}};
+    return {
+        Command{"campaign",
+                "many runs with one journal, resumable",
+                {{"CAMPAIGN.json", WordKind::job_file, false, campaign_verbs}, {"DIR", WordKind::folder, true}},
+                {{"out", "DIR",
+                  "folder of the journal (default: the campaign's path without .json); of export: file of the table",
+                  WordKind::folder},
+                 {"threads", "N", "tasks at the same time (default 0: one per core)", WordKind::number},
+                 {"engine", "NAME", "who computes (default auto: ranks of MPI, else processes)", WordKind::choice,
+                  engine_choices},
+                 {"quiet", "", "no progress on standard error"},
+                 {"progress", "SECONDS", "without a terminal: time between two lines (default 10)", WordKind::number},
+                 {"status", "WORD", "of retry: only tasks that failed so (crash, data, error, invalid, time_limit)"},
+                 {"table", "NAME", "of export: which table (default tasks)", WordKind::choice, campaign_table_choices},
+                 {"times", "", "of export: also attempts, host, rank and times"},
+                 {"job", "N", "of export: the job of task N, to run it alone", WordKind::number},
+                 {"result", "N", "of export: the result.json of task N", WordKind::number}},
+                {{"orbid campaign coverage.json --out out", "out/campaign.sqlite; the same command goes on"},
+                 {"orbid campaign status out", "how far it is, and what failed"},
+                 {"orbid campaign retry out --status crash", "failed tasks once more"},
+                 {"orbid campaign export out --table summary", "CSV"},
+                 {"orbid campaign report out", "out/report.html"},
+                 {"mpiexec -n 64 orbid campaign coverage.json", "on a cluster"}},
+                run_campaign_command,
+                "In the place of CAMPAIGN.json: status, retry, export or report, followed by DIR,\nthe folder of a "
+                "campaign."}};
 }
 
 std::vector<Command> result_commands() {
@@ -199,7 +198,8 @@ std::vector<CommandOption> all_options(const Command& command) {
 const std::vector<Command>& command_table() {
     static const std::vector<Command> all = [] {
         std::vector<Command> list;
-        for (const auto& group : {job_commands(), campaign_commands(), result_commands(), help_commands(), comparing_commands()})
+        for (const auto& group :
+             {job_commands(), campaign_commands(), result_commands(), help_commands(), comparing_commands()})
             list.insert(list.end(), group.begin(), group.end());
         return list;
     }();

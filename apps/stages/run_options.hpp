@@ -15,7 +15,7 @@ struct RunOptions {
     bool quiet = false;         ///< no progress
     bool force = false;         ///< overwrite a folder that holds the result of another job
     Stage stage = Stage::all;
-    bool in_memory = false;  ///< no folder: only the content of result.json is kept
+    bool in_memory = false;                           ///< no folder: only the content of result.json is kept
     std::chrono::milliseconds progress_every{10000};  ///< longest time between lines where there is no terminal
 };
 

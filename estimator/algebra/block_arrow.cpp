@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "estimator/algebra/block_arrow_parts.hpp"
+
 namespace orbid::estimator {
 
 namespace {
@@ -100,32 +102,43 @@ Eigen::VectorXd link_norms(const BlockArrow& arrow, const std::vector<std::size_
     return square.cwiseSqrt();
 }
 
-/// Damping metric of a chain's blocks, see BlockTriangle::norm.
-void set_norms(BlockArrow& arrow, const std::vector<std::size_t>& chain, const Eigen::VectorXd& linked) {
-    double own_square = 0.0;
-    double link_square = 0.0;
-    const auto add = [&linked](const BlockTriangle& block, Eigen::Index at, double& own, double& other) {
+/// Squares of the norms of own and of link columns, over the states that have both.
+struct NormSquares {
+    double own = 0.0;
+    double linked = 0.0;
+
+    void add(const BlockTriangle& block, const Eigen::VectorXd& links, Eigen::Index at) {
         for (Eigen::Index j = 0; j < block.latents; ++j) {
-            if (!(block.norm[j] > 0.0) || !(linked[at + j] > 0.0)) continue;
+            if (!(block.norm[j] > 0.0) || !(links[at + j] > 0.0)) continue;
             own += block.norm[j] * block.norm[j];
-            other += linked[at + j] * linked[at + j];
+            linked += links[at + j] * links[at + j];
         }
-    };
+    }
+    [[nodiscard]] double ratio(double other) const { return linked > 0.0 ? std::sqrt(own / linked) : other; }
+};
+
+/// Norms of the own columns of a chain's blocks, and their squares.
+NormSquares own_norms(BlockArrow& arrow, const std::vector<std::size_t>& chain, const Eigen::VectorXd& linked) {
+    NormSquares squares;
     Eigen::Index at = 0;
     for (const std::size_t b : chain) {
         BlockTriangle& block = arrow.blocks[b];
         block.norm = block.triangle.leftCols(block.latents).colwise().norm().transpose();
-        add(block, at, own_square, link_square);
+        squares.add(block, linked, at);
         at += block.latents;
     }
-    const double common = link_square > 0.0 ? std::sqrt(own_square / link_square) : 1.0;
-    at = 0;
+    return squares;
+}
+
+/// Damping metric of a chain's blocks where they have no own rows, see BlockTriangle::norm.
+void complete_norms(BlockArrow& arrow, const std::vector<std::size_t>& chain, const Eigen::VectorXd& linked,
+                    double common) {
+    Eigen::Index at = 0;
     for (const std::size_t b : chain) {
         BlockTriangle& block = arrow.blocks[b];
-        double own = 0.0;
-        double other = 0.0;
-        add(block, at, own, other);
-        const double ratio = other > 0.0 ? std::sqrt(own / other) : common;
+        NormSquares squares;
+        squares.add(block, linked, at);
+        const double ratio = squares.ratio(common);
         for (Eigen::Index j = 0; j < block.latents; ++j) {
             if (block.norm[j] > 0.0) continue;
             block.norm[j] = ratio * linked[at + j];
@@ -135,22 +148,29 @@ void set_norms(BlockArrow& arrow, const std::vector<std::size_t>& chain, const E
     }
 }
 
+/// Damping metric of all chains. Those that are spread over ranks count as one.
+void set_norms(BlockArrow& arrow) {
+    std::vector<double> common(arrow.chains.size());
+    NormSquares parts;
+    for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
+        const NormSquares squares = own_norms(arrow, arrow.chains[i], arrow.link_norms[i]);
+        common[i] = squares.ratio(1.0);
+        if (std::find(arrow.parts.begin(), arrow.parts.end(), i) == arrow.parts.end()) continue;
+        parts.own += squares.own;
+        parts.linked += squares.linked;
+    }
+    parts = {arrow.spread.sum(parts.own), arrow.spread.sum(parts.linked)};
+    for (const std::size_t i : arrow.parts)
+        common[i] = parts.ratio(1.0);
+    for (std::size_t i = 0; i < arrow.chains.size(); ++i)
+        complete_norms(arrow, arrow.chains[i], arrow.link_norms[i], common[i]);
+}
+
 /// Marks the states that the factorisation found undecided.
 void mark_dead(BlockArrow& arrow, const ChainFactor& factor) {
-    for (const ChainLevel& level : factor.levels) {
-        for (const Elimination& step : level.steps) {
-            for (Eigen::Index k = step.rank; k < step.pivots; ++k) {
-                auto j = static_cast<std::size_t>(level.order[step.first + static_cast<std::size_t>(k)]);
-                auto node = static_cast<std::size_t>(step.node);
-                const auto own = static_cast<std::size_t>(factor.latents[node]);
-                if (j >= own) {
-                    j -= own;
-                    node = static_cast<std::size_t>(step.partner);
-                }
-                arrow.blocks[factor.block[node]].dead[j] = true;
-            }
-        }
-    }
+    for_undecided(factor, [&](std::size_t node, Eigen::Index state) {
+        arrow.blocks[factor.block[node]].dead[static_cast<std::size_t>(state)] = true;
+    });
 }
 
 }  // namespace
@@ -182,6 +202,11 @@ BlockTriangle linked_block(Eigen::MatrixXd rows, Eigen::Index latents) {
     return block;
 }
 
+Eigen::VectorXd column_limits(const BlockTriangle& block, const Eigen::Ref<const Eigen::VectorXd>& linked) {
+    return (dead_share * block.triangle.leftCols(block.latents).colwise().norm().transpose())
+        .cwiseMax(dead_share_of_links * linked);
+}
+
 ChainFactor factorise_chain(const BlockArrow& arrow, std::size_t index, bool cyclic, double mu) {
     const std::vector<std::size_t>& chain = arrow.chains[index];
     const Eigen::VectorXd& linked = arrow.link_norms[index];
@@ -195,17 +220,18 @@ ChainFactor factorise_chain(const BlockArrow& arrow, std::size_t index, bool cyc
         node.latents = l;
         node.own = &block.triangle;
         if (block.link.rows() > 0) (block.next < 0 ? node.alone : node.link) = &block.link;
-        if (mu > 0.0) node.damping = std::sqrt(mu) * block.norm;
-        node.limit = (dead_share * block.triangle.leftCols(l).colwise().norm().transpose())
-                         .cwiseMax(dead_share_of_links * linked.segment(at, l));
+        if (mu > 0.0 && arrow.spread.owns(chain[i])) node.damping = std::sqrt(mu) * block.norm;
+        node.limit = column_limits(block, linked.segment(at, l));
         if (std::find(block.dead.begin(), block.dead.end(), true) != block.dead.end()) node.dead = &block.dead;
         at += l;
     }
-    return factorise_chain(nodes, cyclic, arrow.parameters);
+    const bool part = std::find(arrow.parts.begin(), arrow.parts.end(), index) != arrow.parts.end();
+    return factorise_chain(nodes, cyclic, arrow.parameters, part);
 }
 
-BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters) {
+BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters, const Spread& spread) {
     BlockArrow arrow;
+    arrow.spread = spread;
     arrow.parameters = parameters;
     arrow.blocks = std::move(blocks);
     std::vector<bool> cyclic;
@@ -231,12 +257,15 @@ BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters)
         }
         arrow.pool = upper_triangle(stacked);
     }
+    for (const std::vector<std::size_t>& chain : arrow.chains)
+        arrow.link_norms.push_back(link_norms(arrow, chain));
+    if (!spread.alone()) find_parts(arrow);
+    set_norms(arrow);
     for (std::size_t i = 0; i < arrow.chains.size(); ++i) {
-        arrow.link_norms.push_back(link_norms(arrow, arrow.chains[i]));
-        set_norms(arrow, arrow.chains[i], arrow.link_norms[i]);
         arrow.undamped.push_back(std::make_shared<const ChainFactor>(factorise_chain(arrow, i, cyclic[i], 0.0)));
         mark_dead(arrow, *arrow.undamped.back());
     }
+    if (!spread.alone()) join_undamped(arrow);
     return arrow;
 }
 

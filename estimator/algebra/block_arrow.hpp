@@ -7,7 +7,9 @@
 #include <Eigen/Core>
 
 #include "estimator/algebra/chain.hpp"
+#include "estimator/algebra/part_joins.hpp"
 #include "estimator/algebra/r_factor.hpp"
+#include "estimator/algebra/spread.hpp"
 
 namespace orbid::estimator {
 
@@ -41,6 +43,10 @@ struct BlockTriangle {
 /// by orthogonal factorisation: blocks without links one by one (block-arrow matrix), chains and cyclic chains by
 /// odd-even elimination. No normal equations, no matrix of the whole size, cost linear in the blocks. Link rows may
 /// weigh 1e10 times the others.
+///
+/// Spread over ranks, each has its blocks, and the rows that belong to them. factorise(), condense() with damping,
+/// latent_steps(), model_change(), log_abs_determinant() and other sums, and visit_covariance() are then operations of
+/// all ranks together; parameters and sums are the same on each.
 struct BlockArrow {
     Eigen::Index parameters = 0;
     std::vector<BlockTriangle> blocks;
@@ -50,6 +56,10 @@ struct BlockArrow {
     /// Norm of each latent state's column in the link rows of each chain, one block after the other.
     std::vector<Eigen::VectorXd> link_norms;
     std::vector<std::shared_ptr<const ChainFactor>> undamped;  ///< of each chain
+    Spread spread;
+    std::vector<std::size_t> parts;  ///< chains that other ranks have parts of, in order
+    std::shared_ptr<const PartJoins> undamped_joins;
+    Eigen::MatrixXd undamped_rest;  ///< R factor of [d | w] of all ranks; these two only if spread
 };
 
 /// The problem for the parameters after the latent states took their best values (Schur complement). The latent steps
@@ -61,6 +71,8 @@ struct ReducedProblem {
     Eigen::MatrixXd r;    ///< upper triangle, shape (q, q)
     Eigen::VectorXd rhs;  ///< shape (q): minimise ||r d + rhs||^2
     double rest = 0.0;    ///< ||.|| that no step can remove
+    Spread spread;
+    std::shared_ptr<const PartJoins> joins;  ///< of the chains that are spread over ranks
 };
 
 /// Factorises one block's rows [A_z | A | w] (any number of rows). `link` and `next` are set by the caller afterwards.
@@ -73,8 +85,14 @@ struct ReducedProblem {
 /// its column when it is eliminated. The limits are 1e-13 of its own rows' norm, or 1e-14 of its norm with the links.
 /// If several are undetermined only together, the one with the least left is held.
 /// @throws std::invalid_argument if link rows have the wrong number of columns, `next` is not a block, or two blocks
-///         link to the same one.
-[[nodiscard]] BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters);
+///         link to the same one; if a block that two ranks have is not an end of a chain, or the first of the two has
+///         rows for it.
+[[nodiscard]] BlockArrow factorise(std::vector<BlockTriangle> blocks, Eigen::Index parameters,
+                                   const Spread& spread = {});
+
+/// What must be left of a linked block's columns, see factorise(). @param linked  norms of its link columns.
+[[nodiscard]] Eigen::VectorXd column_limits(const BlockTriangle& block,
+                                            const Eigen::Ref<const Eigen::VectorXd>& linked);
 
 /// Factorises one of its chains, damped by mu; dead states leave the problem.
 [[nodiscard]] ChainFactor factorise_chain(const BlockArrow& arrow, std::size_t index, bool cyclic, double mu);
@@ -96,6 +114,9 @@ struct ModelChange {
 
 /// Sum of ln|R_jj| over all latent states, links included: ln|H_zz| is twice that. Dead states contribute nothing.
 [[nodiscard]] double log_abs_determinant(const ReducedProblem& reduced_problem);
+
+/// Number of latent states that nothing determines.
+[[nodiscard]] Eigen::Index undetermined_states(const BlockArrow& arrow);
 
 /// Passes every block's covariance of (z_b, y) to `node`, and that of (z_b, z_next, y) of blocks with next >= 0 and
 /// link rows to `link` (empty: not wanted); see chain_covariance(). Links of moderate weight only: at tight ones

@@ -1,7 +1,9 @@
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "estimator/algebra/block_arrow.hpp"
+#include "estimator/algebra/block_arrow_parts.hpp"
 #include "estimator/algebra/block_loop.hpp"
 #include "models/arithmetic/orthogonal_factor.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
@@ -48,7 +50,14 @@ ReducedProblem condense(const BlockArrow& arrow, double mu) {
         stacked.middleRows(row, width) = reduced_problem.chains.back()->rest;
         row += width;
     }
-    const Eigen::MatrixXd pool = row > width ? upper_triangle(stacked) : arrow.pool;
+    Eigen::MatrixXd pool = row > width ? upper_triangle(stacked) : arrow.pool;
+    reduced_problem.spread = arrow.spread;
+    if (!arrow.spread.alone() && mu > 0.0) {
+        reduced_problem.joins = join_chains(arrow, reduced_problem.chains, pool);
+    } else if (!arrow.spread.alone()) {
+        reduced_problem.joins = arrow.undamped_joins;
+        pool = arrow.undamped_rest;
+    }
     reduced_problem.r = pool.topLeftCorner(arrow.parameters, arrow.parameters);
     reduced_problem.rhs = pool.topRightCorner(arrow.parameters, 1);
     reduced_problem.rest = std::abs(pool(arrow.parameters, arrow.parameters));
@@ -67,6 +76,14 @@ std::vector<Eigen::VectorXd> latent_steps(const BlockArrow& arrow, const Reduced
         const Eigen::MatrixXd& top = reduced_problem.top[b];
         steps[b] = -(top.rightCols(1) + top.middleCols(l, arrow.parameters) * d);
         models::solve_upper_in_place(top.leftCols(l), steps[b]);
+    }
+    if (reduced_problem.joins) {
+        const std::vector<Eigen::MatrixXd> ends = reduced_problem.joins->solve(d);
+        for (std::size_t k = 0; k < arrow.parts.size(); ++k) {
+            const std::vector<std::size_t>& chain = arrow.chains[arrow.parts[k]];
+            steps[chain.front()] = ends[k].col(0).head(arrow.blocks[chain.front()].latents);
+            steps[chain.back()] = ends[k].col(0).tail(arrow.blocks[chain.back()].latents);
+        }
     }
     for (const auto& chain : reduced_problem.chains)
         solve_chain(*chain, d, steps);
@@ -106,7 +123,17 @@ ModelChange model_change(const BlockArrow& arrow, const Eigen::VectorXd& d, cons
         sum.linear += change.linear;
         sum.quadratic += change.quadratic;
     }
-    return sum;
+    return {arrow.spread.sum(sum.linear), arrow.spread.sum(sum.quadratic)};
+}
+
+Eigen::Index undetermined_states(const BlockArrow& arrow) {
+    double count = 0.0;
+    for (std::size_t b = 0; b < arrow.blocks.size(); ++b)
+        if (arrow.spread.owns(b)) {
+            const std::vector<bool>& dead = arrow.blocks[b].dead;
+            count += static_cast<double>(std::count(dead.begin(), dead.end(), true));
+        }
+    return static_cast<Eigen::Index>(arrow.spread.sum(count));
 }
 
 double log_abs_determinant(const ReducedProblem& reduced_problem) {
@@ -115,7 +142,8 @@ double log_abs_determinant(const ReducedProblem& reduced_problem) {
         if (top.rows() > 0) sum += top.diagonal().array().abs().log().sum();
     for (const auto& chain : reduced_problem.chains)
         sum += log_abs_determinant(*chain);
-    return sum;
+    if (reduced_problem.joins) sum += reduced_problem.joins->log_abs_determinant();
+    return reduced_problem.spread.sum(sum);
 }
 
 void visit_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
@@ -145,8 +173,18 @@ void visit_covariance(const BlockArrow& arrow, const ReducedProblem& reduced_pro
             node(b, p);
         }
     });
-    for (const auto& chain : reduced_problem.chains)
-        chain_covariance(*chain, parameter_covariance, node, link);
+    std::vector<const Eigen::MatrixXd*> ends(reduced_problem.chains.size(), nullptr);
+    std::vector<Eigen::MatrixXd> found;
+    if (reduced_problem.joins) found = reduced_problem.joins->covariance(parameter_covariance);
+    for (std::size_t k = 0; k < found.size(); ++k)
+        ends[arrow.parts[k]] = &found[k];
+    for (std::size_t i = 0; i < reduced_problem.chains.size(); ++i) {
+        const ChainFactor& chain = *reduced_problem.chains[i];
+        if (ends[i] != nullptr)
+            part_covariance(chain, *ends[i], parameter_covariance, node, link);
+        else
+            chain_covariance(chain, parameter_covariance, node, link);
+    }
 }
 
 Eigen::MatrixXd inverse_square(const Eigen::MatrixXd& triangle) {

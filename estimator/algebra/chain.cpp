@@ -4,22 +4,14 @@
 #include <utility>
 
 #include "estimator/algebra/block_loop.hpp"
+#include "estimator/algebra/chain_rows.hpp"
 #include "estimator/algebra/r_factor.hpp"
 
 namespace orbid::estimator {
 
 namespace {
 
-using Rows = Eigen::Map<Eigen::MatrixXd>;
-
-/// Rows on two neighbouring nodes of the moment, [left | right | common]: an original link, or a place in a pool.
-struct Edge {
-    const double* values = nullptr;
-    Eigen::Index rows = 0;
-    Eigen::Index columns = 0;
-    const ChainNode* from = nullptr;  ///< of an original link
-    const ChainNode* to = nullptr;
-};
+using namespace detail;
 
 /// What is in work: the nodes left, in order, and the rows between each and the following one.
 struct Reduction {
@@ -30,80 +22,6 @@ struct Reduction {
     std::vector<double> pool;       ///< of the edges that are no original links
     std::vector<double> next_pool;  ///< of those in the making
 };
-
-/// Small matrices one after the other in the same memory.
-class MatrixPool {
-public:
-    Rows zero(Eigen::Index rows, Eigen::Index columns) {
-        const auto size = static_cast<std::size_t>(rows * columns);
-        if (values_.size() < size) values_.resize(2 * size);
-        std::fill_n(values_.begin(), size, 0.0);
-        return {values_.data(), rows, columns};
-    }
-    Eigen::Index* order(Eigen::Index count) {
-        if (order_.size() < static_cast<std::size_t>(count)) order_.resize(2 * static_cast<std::size_t>(count));
-        return order_.data();
-    }
-    const double* zeros(Eigen::Index count) {
-        if (zeros_.size() < static_cast<std::size_t>(count)) zeros_.resize(2 * static_cast<std::size_t>(count), 0.0);
-        return zeros_.data();
-    }
-
-private:
-    std::vector<double> values_;
-    std::vector<double> zeros_;
-    std::vector<Eigen::Index> order_;
-};
-
-/// Columns of dead states carry nothing.
-template <class Matrix>
-void clear_dead(Matrix&& columns, const ChainNode& node) {
-    if (node.dead == nullptr) return;
-    for (Eigen::Index j = 0; j < node.latents; ++j)
-        if ((*node.dead)[static_cast<std::size_t>(j)]) columns.col(j).setZero();
-}
-
-Eigen::Index own_rows(const ChainNode& node) {
-    return node.own->rows() + (node.alone != nullptr ? node.alone->rows() : 0) + node.damping.size();
-}
-
-/// Plain loops below: the matrices are as small as a state, and calls for general ones cost more than the copies.
-void put(const double* from, Eigen::Index from_stride, Eigen::Index rows, Eigen::Index columns, double* to,
-         Eigen::Index to_stride) {
-    for (Eigen::Index j = 0; j < columns; ++j)
-        for (Eigen::Index i = 0; i < rows; ++i)
-            to[j * to_stride + i] += from[j * from_stride + i];
-}
-
-/// A node's own rows, its states from column `first`, the common columns at the end.
-void put_own(const ChainNode& node, Eigen::Index row, Eigen::Index first, Eigen::Index width, Rows& a) {
-    const Eigen::Index begin = row;
-    const Eigen::Index common = a.cols() - width;
-    for (const Eigen::MatrixXd* rows : {node.own, node.alone}) {
-        if (rows == nullptr) continue;
-        const Eigen::Index m = rows->rows();
-        put(rows->data(), m, m, node.latents, a.data() + first * a.rows() + row, a.rows());
-        put(rows->data() + node.latents * m, m, m, width, a.data() + common * a.rows() + row, a.rows());
-        row += m;
-    }
-    for (Eigen::Index k = 0; k < node.damping.size(); ++k)
-        if (node.dead == nullptr || !(*node.dead)[static_cast<std::size_t>(k)]) a(row + k, first + k) = node.damping[k];
-    if (node.dead != nullptr) clear_dead(a.block(begin, first, row - begin, node.latents), node);
-}
-
-/// The rows of an edge, its left states from column `left`, the right ones from `right`; they are added.
-void put_edge(const Edge& edge, Eigen::Index row, Eigen::Index left, Eigen::Index l_left, Eigen::Index right,
-              Eigen::Index l_right, Eigen::Index width, Rows& a) {
-    const Eigen::Index m = edge.rows;
-    if (m == 0) return;
-    double* const to = a.data() + row;
-    put(edge.values, m, m, l_left, to + left * a.rows(), a.rows());
-    put(edge.values + l_left * m, m, m, l_right, to + right * a.rows(), a.rows());
-    put(edge.values + (l_left + l_right) * m, m, m, width, to + (a.cols() - width) * a.rows(), a.rows());
-    if (edge.from == nullptr) return;
-    if (edge.from->dead != nullptr) clear_dead(a.block(row, left, m, l_left), *edge.from);
-    if (edge.to->dead != nullptr) clear_dead(a.block(row, right, m, l_right), *edge.to);
-}
 
 /// Keeps the rows of an elimination at its place, columns of the pivots in their order.
 void keep(const Rows& a, const Eigen::Index* order, Elimination& step, ChainLevel& level) {
@@ -178,6 +96,21 @@ void eliminate_last(const Reduction& work, ChainLevel& level, MatrixPool& space,
     keep(a, order, step, level);
     level.steps.push_back(step);
     if (a.rows() > step.rank) rest.add(a.bottomRightCorner(a.rows() - step.rank, work.width));
+}
+
+/// What is left of a part of a chain: the rows between its ends, and their own.
+void keep_ends(const Reduction& work, MatrixPool& space, ChainFactor& chain) {
+    const ChainNode& first = work.nodes[work.left[0]];
+    const ChainNode& last = work.nodes[work.left[1]];
+    Rows between = space.zero(work.edge[0].rows, first.latents + last.latents + work.width);
+    put_edge(work.edge[0], 0, 0, first.latents, first.latents, last.latents, work.width, between);
+    chain.ends = between;
+    for (std::size_t i = 0; i < 2; ++i) {
+        const ChainNode& node = i == 0 ? first : last;
+        Rows own = space.zero(own_rows(node), node.latents + work.width);
+        put_own(node, 0, 0, work.width, own);
+        chain.own_of_ends[i] = own;
+    }
 }
 
 /// Lays out the elimination of every second node between its neighbours.
@@ -263,7 +196,7 @@ ChainLevel reduce(Reduction& work, bool cyclic, ShortRows& rest) {
 
 }  // namespace
 
-ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Eigen::Index parameters) {
+ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Eigen::Index parameters, bool part) {
     ChainFactor chain;
     chain.cyclic = cyclic;
     Reduction work{nodes, parameters + 1, {}, {}, {}, {}};
@@ -290,8 +223,12 @@ ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Ei
     while (work.left.size() > 2)
         chain.levels.push_back(reduce(work, cyclic, rest));
     MatrixPool space;
-    chain.levels.emplace_back();
-    eliminate_last(work, chain.levels.back(), space, rest);
+    if (part) {
+        keep_ends(work, space, chain);
+    } else {
+        chain.levels.emplace_back();
+        eliminate_last(work, chain.levels.back(), space, rest);
+    }
     chain.rest = rest.triangle();
     return chain;
 }

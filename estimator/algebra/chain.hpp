@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <functional>
 #include <vector>
@@ -58,6 +59,10 @@ struct ChainFactor {
     std::vector<Eigen::Index> latents;  ///< of each node
     std::vector<ChainLevel> levels;
     Eigen::MatrixXd rest;  ///< R factor of what is left for [d | w], shape (q + 1, q + 1)
+    /// Of a part of a chain: rows that are left between its ends, [z_first | z_last | d | w], and the own rows of both,
+    /// [z | d | w]. Own rows are the lightest: they stay as they are until their node is eliminated, as in a chain.
+    Eigen::MatrixXd ends;
+    std::array<Eigen::MatrixXd, 2> own_of_ends;
 };
 
 /// Eliminates every second node, then every second remaining one, ... ; both ends of an open chain stay to the last and
@@ -68,13 +73,32 @@ struct ChainFactor {
 /// algorithms for two-point boundary value problems", SIAM J. Sci. Stat. Comput. 13 (1992) 742; pivoting in
 /// eliminate().
 /// @param parameters  q.
-[[nodiscard]] ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Eigen::Index parameters);
+/// @param part        the ends of an open chain of two nodes or more stay, see ChainFactor::ends.
+[[nodiscard]] ChainFactor factorise_chain(const std::vector<ChainNode>& nodes, bool cyclic, Eigen::Index parameters,
+                                          bool part = false);
 
-/// Best latent states for the parameters d, written to z[block]; undetermined states are zero.
+/// Best latent states for the parameters d, written to z[block]; undetermined states are zero. Those of the ends of a
+/// part must be there.
 void solve_chain(const ChainFactor& chain, const Eigen::VectorXd& d, std::vector<Eigen::VectorXd>& z);
 
 /// Sum of ln|R_jj| over all latent states of the chain.
 [[nodiscard]] double log_abs_determinant(const ChainFactor& chain);
+
+/// Calls use(position in the chain, state) for every state that nothing decides; the ends of a part are left out.
+template <class Use>
+void for_undecided(const ChainFactor& chain, const Use& use) {
+    for (const ChainLevel& level : chain.levels)
+        for (const Elimination& step : level.steps)
+            for (Eigen::Index k = step.rank; k < step.pivots; ++k) {
+                const Eigen::Index j = level.order[step.first + static_cast<std::size_t>(k)];
+                const auto node = static_cast<std::size_t>(step.node);
+                const Eigen::Index own = chain.latents[node];
+                if (j < own)
+                    use(node, j);
+                else
+                    use(static_cast<std::size_t>(step.partner), j - own);
+            }
+}
 
 /// Receives a covariance matrix and the block it belongs to; called from several threads, once for each block.
 using CovarianceUse = std::function<void(std::size_t block, const Eigen::Ref<const Eigen::MatrixXd>& covariance)>;
@@ -85,5 +109,9 @@ using CovarianceUse = std::function<void(std::size_t block, const Eigen::Ref<con
 /// cost; memory for the links of half the nodes.
 void chain_covariance(const ChainFactor& chain, const Eigen::MatrixXd& parameter_covariance, const CovarianceUse& node,
                       const CovarianceUse& link);
+
+/// The same for a part of a chain. @param ends  covariance of (z_first, z_last, y).
+void part_covariance(const ChainFactor& part, const Eigen::MatrixXd& ends, const Eigen::MatrixXd& parameter_covariance,
+                     const CovarianceUse& node, const CovarianceUse& link);
 
 }  // namespace orbid::estimator

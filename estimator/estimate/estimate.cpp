@@ -1,11 +1,16 @@
 #include "estimator/estimate/estimate.hpp"
 
 #include <algorithm>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
+#include "estimator/estimate/estimate_over_ranks.hpp"
 #include "estimator/estimate/estimate_report.hpp"
+#include "estimator/estimate/outer_loop.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/problem.hpp"
+#include "estimator/problem/rank_share.hpp"
 #include "estimator/problem/tie.hpp"
 #include "estimator/uncertainty/posterior.hpp"
 #include "estimator/uncertainty/verdict.hpp"
@@ -15,175 +20,12 @@ namespace orbid::estimator {
 
 namespace {
 
-std::string described(const Problem& problem, const BlockSet& set, const ActiveBlock& block) {
-    return std::string(problem.residuals[block.residual]->type()) + " \"" + label_of(set, block) + "\"";
-}
-
-/// Stages lower a continuity error by a factor of two at least: sixty cover more than the digits of a double.
-constexpr int provisional_limit = 60;
-
 EstimateStatus status_of(Outcome outcome) {
     if (outcome == Outcome::converged) return EstimateStatus::converged;
     if (outcome == Outcome::iteration_limit) return EstimateStatus::iteration_limit;
     if (outcome == Outcome::interrupted) return EstimateStatus::interrupted;
     const bool stuck = outcome == Outcome::no_progress || outcome == Outcome::blocks_stopped;
     return stuck ? EstimateStatus::no_progress : EstimateStatus::failed;
-}
-
-/// The rounds of one estimate: minimise, take out blocks that stopped, let the residuals look again.
-class OuterLoop {
-public:
-    /// @param active  with which the first minimisation begins.
-    OuterLoop(const Problem& problem, State& state, std::vector<ActiveSet> active) : problem_(problem), state_(state) {
-        for (std::size_t r = 0; r < active.size(); ++r) {
-            ResidualCount count{std::string(problem.residuals[r]->type()), 0, 0, 0, 0, {}};
-            count.lost = static_cast<int>(std::count_if(active[r].layout.begin(), active[r].layout.end(),
-                                                        [](const BlockLayout& block) { return !block.active; }));
-            counts.push_back(count);
-        }
-        active_ = std::move(active);
-    }
-
-    /// @throws models::Stopped when a stop comes before there is anything.
-    void run();
-
-    BlockSet set;
-    Minimum minimum;
-    SolverStatistics ledger;
-    std::vector<ResidualCount> counts;
-
-private:
-    bool minimise_next();
-    bool go_on(int& provisional);
-    bool suspend_stopped();
-    bool update_active_set();
-    void read_scales(bool provisional);
-    void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
-
-    const Problem& problem_;
-    State& state_;
-    std::vector<ActiveSet> active_;  ///< for the next minimisation; `set` has those of the last one
-};
-
-/// Takes the stopped blocks out. False when too much would be lost: half of a residual's blocks or more.
-bool OuterLoop::suspend_stopped() {
-    if (half_of_a_residual(set, minimum.stopped)) return false;
-    for (const std::size_t b : minimum.stopped) {
-        const ActiveBlock& block = set.blocks[b];
-        active_[block.residual].layout[block.block].active = false;
-        ++counts[block.residual].lost;
-    }
-    return true;
-}
-
-/// Blocks that are new, or came back, start from the latent states of the set.
-void OuterLoop::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
-    const auto& fresh = active_[residual].latents;
-    const auto& layout = active_[residual].layout;
-    auto& latents = state_.latents[residual];
-    latents.resize(layout.size());
-    for (std::size_t b = 0; b < layout.size(); ++b) {
-        const bool kept = b < was_active.size() && was_active[b] && latents[b].size() == layout[b].latents;
-        if (!kept) latents[b] = fresh[b];
-    }
-}
-
-bool OuterLoop::update_active_set() {
-    bool changed = false;
-    std::size_t first = 0;
-    const Eigen::VectorXd all_scales = scales_of(problem_.laws, state_.psi);
-    for (std::size_t r = 0; r < problem_.residuals.size(); ++r) {
-        ActiveSet& active = active_[r];
-        std::vector<bool> was_active;
-        for (const BlockLayout& block : active.layout)
-            was_active.push_back(block.active);
-        const Eigen::VectorXd scales =
-            all_scales.segment(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(active.groups.size()));
-        const RefreshReport report =
-            problem_.residuals[r]->update_active_set(active, state_.theta, state_.latents[r], scales);
-        first += active.groups.size();
-        counts[r].lost += report.lost;
-        counts[r].rejected += report.rejected;
-        counts[r].added += report.added;
-        if (report.changed) adopt_latents(r, was_active);
-        changed = changed || report.changed;
-    }
-    return changed;
-}
-
-/// Fixed scales as the sets have them now; in an intermediate stage the starts of the others as well.
-void OuterLoop::read_scales(bool provisional) {
-    for (const NoiseModel& law : problem_.laws) {
-        if (law.joint()) continue;
-        const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
-        const double value = active_[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
-        const ErrorCoordinate& scale = law.coordinates.front();
-        if (value > 0.0 && (!scale.estimate || provisional)) state_.psi[law.first] = scale.at(value);
-    }
-}
-
-/// Minimises with the sets at hand. @return false: there is nothing to minimise
-bool OuterLoop::minimise_next() {
-    BlockSet next = freeze(problem_.residuals, active_, problem_.channels, problem_.laws);
-    if (ledger.round > 1) read_scales(next.provisional);
-    Minimum found;
-    if (next.records > 0)
-        found = minimise(problem_, next, state_, ledger);
-    else
-        found.message = "no residual record takes part";
-    set = std::move(next);
-    minimum = std::move(found);
-    return set.records > 0;
-}
-
-/// What the end of a minimisation asks for. @return whether another one follows
-bool OuterLoop::go_on(int& provisional) {
-    const int limit = problem_.options.maximum_rounds;
-    if (set.provisional) ++provisional;
-    const bool last = set.provisional ? provisional >= provisional_limit : ledger.round - provisional >= limit;
-    if (minimum.outcome == Outcome::start_failed || minimum.outcome == Outcome::blocks_stopped) {
-        const bool at_start = minimum.outcome == Outcome::start_failed;
-        minimum.message = (at_start ? "cannot be evaluated at the start: " : "stopped three steps in a row: ") +
-                          described(problem_, set, set.blocks[minimum.stopped.front()]) +
-                          (minimum.stopped.size() > 1 ? " and " + std::to_string(minimum.stopped.size() - 1) +
-                                                            " more of " + std::to_string(set.blocks.size()) + " blocks"
-                                                      : "");
-        if (last || !suspend_stopped()) return false;
-        if (at_start) return true;
-    } else if (minimum.outcome != Outcome::converged && minimum.outcome != Outcome::no_progress) {
-        return false;
-    }
-    if (last) {
-        if (set.provisional) {
-            minimum.outcome = Outcome::iteration_limit;
-            minimum.message = "still provisional after " + std::to_string(provisional_limit) + " rounds";
-        } else if (limit > 1 && minimum.outcome == Outcome::converged) {
-            minimum.outcome = Outcome::iteration_limit;
-            minimum.message =
-                "the limit of " + std::to_string(limit) + " rounds is reached while the set of blocks still changes";
-        }
-        return false;
-    }
-    const bool stopped = minimum.outcome == Outcome::blocks_stopped;
-    return update_active_set() || stopped || set.provisional;
-}
-
-void OuterLoop::run() {
-    int provisional = 0;
-    State reached = state_;
-    try {
-        for (ledger.round = 1; minimise_next(); ++ledger.round) {
-            reached = state_;
-            if (!go_on(provisional)) break;
-        }
-        set.active = std::move(active_);
-    } catch (const models::Stopped&) {
-        // Between two minimisations: what the last one has come to stays.
-        if (set.blocks.empty() || minimum.outcome == Outcome::start_failed) throw;
-        state_ = std::move(reached);
-        minimum.outcome = Outcome::interrupted;
-        minimum.message = "interrupted after " + std::to_string(ledger.iterations) + " steps";
-    }
 }
 
 /// Full Hessian and verdict, as far as asked for. A stop leaves the estimate without them.
@@ -204,10 +46,15 @@ void judge_estimate(const Problem& problem, const OuterLoop& rounds, const State
 } catch (const models::Stopped&) {
 }
 
-}  // namespace
+/// Where an estimate runs: alone, or on one of several ranks.
+struct Place {
+    Collective* ranks = nullptr;
+    ChainShare share;
+};
 
-Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
-                  const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
+Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& parameters,
+                     const std::vector<const Residual*>& residuals, const std::vector<DerivedQuantity>& derived,
+                     const EstimateOptions& options) {
     if (any_tied(parameters)) {
         const TiedProblem tied = resolve_ties(parameters, residuals, options.joint_priors);
         EstimateOptions reduced = options;
@@ -216,13 +63,16 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
                 report.theta = tied.map.expand(report.theta);
                 options.watched(report);
             };
-        Estimate result = estimate(tied.parameters, tied.residuals, tied.derived(derived), reduced);
+        Estimate result = estimate_at(place, tied.parameters, tied.residuals, tied.derived(derived), reduced);
         tied.expand(result);
         return result;
     }
     std::vector<ActiveSet> active = initial_sets(residuals);
-    const Problem problem = set_up(parameters, residuals, active, derived, options);
+    Problem problem = set_up(parameters, residuals, active, derived, options);
+    problem.ranks = place.ranks;
+    problem.share = place.share;
     State state = initial_state(problem, active);
+    if (place.ranks != nullptr) check_alike(problem, state);
     OuterLoop rounds(problem, state, std::move(active));
     rounds.run();
 
@@ -259,6 +109,28 @@ Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vecto
     result.objective = posterior.objective();
     result.log_likelihood = posterior.log_likelihood();
     result.degrees_of_freedom = posterior.degrees_of_freedom();
+    return result;
+}
+
+}  // namespace
+
+Estimate estimate(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
+                  const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
+    return estimate_at({}, parameters, residuals, derived, options);
+}
+
+Estimate estimate_over_ranks(const std::vector<FreeParameter>& parameters,
+                             const std::vector<const Residual*>& residuals, const ChainShare& share, Ranks& ranks,
+                             const std::vector<DerivedQuantity>& derived, const EstimateOptions& options) {
+    const auto refuse = [](const std::string& option, const std::string& needed) {
+        throw std::invalid_argument("an estimate over ranks cannot use " + option + ": " + needed);
+    };
+    if (options.clusters != Clusters::none) refuse("clusters of records", "EstimateOptions::clusters must be none");
+    if (options.verdict) refuse("the check of the normal approximation", "EstimateOptions::verdict must be false");
+    if (options.full_hessian) refuse("the full Hessian", "EstimateOptions::full_hessian must be false");
+    Collective collective(ranks);
+    Estimate result = estimate_at({&collective, share}, parameters, residuals, derived, options);
+    collective.meet();
     return result;
 }
 

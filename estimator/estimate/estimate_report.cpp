@@ -182,10 +182,12 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
                     square += e * e;
                     ++scale.count;
                 }
+        square = set.spread.sum(square);
+        scale.count = static_cast<decltype(scale.count)>(set.spread.sum(static_cast<double>(scale.count)));
         if (scale.count == 0) scale.estimated = false;
         scale.rms = scale.count > 0 ? std::sqrt(square / static_cast<double>(scale.count)) : 0.0;
         const Autocorrelation& correlation = posterior.autocorrelations()[c];
-        scale.lag1 = group.ordered ? correlation.lag1 : nan_value;
+        scale.lag1 = group.ordered && set.spread.alone() ? correlation.lag1 : nan_value;
         scale.correlation_records = correlation.records;
         scale.effective_count = static_cast<double>(scale.count) / correlation.records;
         estimate.effective_count += scale.effective_count;

@@ -51,6 +51,8 @@ ChannelSums channel_sums(const Problem& problem, const BlockSet& set, const Stat
         for (Eigen::Index i = 0; i < whitened.rows(); ++i)
             add(whitened.row(i), block.channel[static_cast<std::size_t>(i)]);
     }
+    set.spread.sum(sums.square);
+    set.spread.sum(sums.rounding);
     return sums;
 }
 
@@ -94,7 +96,7 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
     Eigen::VectorXd psi = state.psi;
     for (std::size_t k = 0; k < problem.errors.size(); ++k)
         if (problem.errors[k].start_unknown()) psi[static_cast<Eigen::Index>(k)] = 0.0;
-    const WhitenedArrow standard = standard_arrow(rows, problem.laws, psi, matching, Curvature::expected, true);
+    const WhitenedArrow standard = standard_arrow(set, rows, problem.laws, psi, matching, Curvature::expected, true);
     const std::vector<Eigen::VectorXd> d_z =
         latent_steps(standard.arrow, condense(standard.arrow, 0.0), Eigen::VectorXd::Zero(state.u.size()));
     Eigen::VectorXd square = Eigen::VectorXd::Zero(state.psi.size());
@@ -127,6 +129,8 @@ Eigen::VectorXd latent_fit_sizes(const Problem& problem, const BlockSet& set, co
                 count[law.first] += 1.0;
             }
     }
+    set.spread.sum(square);
+    set.spread.sum(count);
     for (const NoiseModel& law : problem.laws)
         if (count[law.first] > 0.0 && square[law.first] > 0.0)
             size[law.first] = psi[law.first] + 0.5 * std::log(square[law.first] / count[law.first]);
@@ -150,6 +154,9 @@ Eigen::VectorXd gap_sizes(const Problem& problem, const BlockSet& set, const std
         for (const PartRows& part : block.parts)
             own[problem.laws[part.law].first] += part.records.rows.leftCols(block.latents).squaredNorm();
     }
+    gap = set.spread.sum(gap);
+    length = set.spread.sum(length);
+    set.spread.sum(own);
     Eigen::VectorXd size = Eigen::VectorXd::Constant(count, -infinity);
     for (const NoiseModel& law : problem.laws) {
         const double records = set.count[law.channels.front()] * static_cast<double>(law.channels.size());

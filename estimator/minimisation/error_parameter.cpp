@@ -75,7 +75,7 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
         any_linked = any_linked || count > result.linked.back();
     }
     result.value.assign(count, 0.0);
-    if (count == 0) return result;
+    if (count == 0 && problem.set->spread.alone()) return result;
     const auto use = [&](std::size_t b, const std::vector<PartRows>& parts, std::size_t slot,
                          const Eigen::Ref<const Eigen::MatrixXd>& rows,
                          const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
@@ -213,6 +213,8 @@ void add_all_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const
         point.fit += part.fit;
         point.left += part.left;
     }
+    for (Eigen::VectorXd* all : {&point.gradient, &point.fit, &point.left})
+        problem.set->spread.sum(*all);
 }
 
 void add_error_priors(const ErrorProblem& problem, const Eigen::VectorXd& psi, ErrorPoint& point) {
@@ -231,7 +233,8 @@ void add_error_priors(const ErrorProblem& problem, const Eigen::VectorXd& psi, E
 ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
     const Eigen::Index rank = problem.prior_gradient.size();
     ErrorPoint point;
-    point.standard = standard_arrow(problem.rows, *problem.laws, psi, problem.matching, Curvature::expected, true);
+    point.standard =
+        standard_arrow(*problem.set, problem.rows, *problem.laws, psi, problem.matching, Curvature::expected, true);
     point.reduced_problem = condense(point.standard.arrow, 0.0);
     point.value = point.standard.value;
 
@@ -261,7 +264,7 @@ Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd
     constexpr double h = 1e-3;
     constexpr std::size_t many_blocks = 1000;
     using Points = std::vector<std::pair<double, double>>;
-    const Points points = problem.rows.size() < many_blocks
+    const Points points = problem.set->all_blocks < many_blocks
                               ? Points{{-2.0, 1.0 / 12.0}, {-1.0, -8.0 / 12.0}, {1.0, 8.0 / 12.0}, {2.0, -1.0 / 12.0}}
                               : Points{{-1.0, -0.5}, {1.0, 0.5}};
     const auto count = static_cast<Eigen::Index>(free.size());

@@ -52,9 +52,7 @@ ErrorUpdates::Decision ErrorUpdates::decide(const Minimum& minimum, const BlockA
     Decision decision;
     const std::vector<bool> free = free_errors(problem_, set_);
     if (std::find(free.begin(), free.end(), true) == free.end()) return decision;
-    Eigen::Index dead = 0;
-    for (const BlockTriangle& block : arrow.blocks)
-        dead += std::count(block.dead.begin(), block.dead.end(), true);
+    const Eigen::Index dead = undetermined_states(arrow);
     const Eigen::Index taken = set_.latents - dead - set_.constraints + minimum.step.space.data.cols();
     decision.refusal = set_.records > taken
                            ? refusal(minimum, psi)
@@ -78,7 +76,7 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
     // step repeats the search. Short data are always searched to the end. That costs nothing, and the likelihood of two
     // scales may have another minimum nearby, where one of them is zero.
     ErrorSearch search;
-    if (set_.blocks.size() >= many_blocks) {
+    if (set_.all_blocks >= many_blocks) {
         search.tolerance = std::clamp(1e-3 * length, 1e-12, 1e-2);
         search.known = &curvature_;
         if (length > 1e-2 && set_.constraints == 0) search.untried = 0.1;

@@ -10,19 +10,19 @@ namespace orbid::estimator {
 namespace {
 
 /// [S_z S] P of every block without the undetermined latent states, and of the rows that link it to the next one.
-struct Spread {
+struct CovarianceRows {
     std::vector<Eigen::MatrixXd> own;
     std::vector<Eigen::MatrixXd> linked;
 };
 
-Spread spread(const ErrorProblem& problem, const ErrorPoint& point) {
+CovarianceRows covariance_rows(const ErrorProblem& problem, const ErrorPoint& point) {
     using Rows = Eigen::Ref<const Eigen::MatrixXd>;
     const auto through = [](const Rows& at, const Rows& p) {
         Eigen::MatrixXd result;
         if (at.rows() > 0 && p.cols() > 0) result.noalias() = at.leftCols(p.cols()) * p;
         return result;
     };
-    Spread result;
+    CovarianceRows result;
     result.own.resize(problem.rows.size());
     result.linked.resize(problem.rows.size());
     visit_covariance(
@@ -37,7 +37,7 @@ Spread spread(const ErrorProblem& problem, const ErrorPoint& point) {
 
 /// (M10) for a full covariance: V = [sum_i (e_i e_i^T + J_i C J_i^T) + Psi] / (n + nu + m + 1), as a step of psi.
 void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const NoiseModel& law, std::size_t index,
-                const Eigen::VectorXd& psi, const Spread& spread, Eigen::VectorXd& step) {
+                const Eigen::VectorXd& psi, const CovarianceRows& spread, Eigen::VectorXd& step) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(m, m);
     double records = 0.0;
@@ -67,6 +67,8 @@ void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const Nois
         add(problem.rows[b].parts, point.standard.own_rows(b), spread.own[b]);
         add(problem.rows[b].linked_parts, point.standard.linked_rows(b), spread.linked[b]);
     }
+    problem.set->spread.sum(std::span<double>(sum.data(), static_cast<std::size_t>(sum.size())));
+    records = problem.set->spread.sum(records);
     const Eigen::MatrixXd lower = covariance_root(law, psi);
     Eigen::MatrixXd v = lower * sum * lower.transpose();
     double divisor = records;
@@ -100,11 +102,11 @@ std::vector<Eigen::VectorXd> far_steps(const ErrorProblem& problem, const ErrorP
         fit += point.fit[k];
         left += point.left[k];
     }
-    Spread through;
+    CovarianceRows through;
     for (std::size_t l = 0; l < problem.laws->size(); ++l) {
         const NoiseModel& law = (*problem.laws)[l];
         if (!law.joint() || !problem.free[static_cast<std::size_t>(law.first)]) continue;
-        if (through.own.empty()) through = spread(problem, point);
+        if (through.own.empty()) through = covariance_rows(problem, point);
         joint_step(problem, point, law, l, psi, through, own);
     }
     std::vector<Eigen::VectorXd> steps;

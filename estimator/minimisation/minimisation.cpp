@@ -15,7 +15,7 @@ bool Minimisation::start() {
         minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
         ++ledger_.evaluations;
     }
-    if (!minimum_.evaluation.failed.empty()) {
+    if (minimum_.evaluation.any_failed) {
         minimum_.stopped = minimum_.evaluation.failed;
         minimum_.outcome = Outcome::start_failed;
         return false;
@@ -86,7 +86,7 @@ bool Minimisation::after_step() {
 
 /// Ends the minimisation where blocks stopped too many steps. @return whether some did
 bool Minimisation::end_at(std::vector<std::size_t> stopped) {
-    if (stopped.empty()) return false;
+    if (!set_.spread.any(!stopped.empty())) return false;
     minimum_.stopped = std::move(stopped);
     minimum_.outcome = Outcome::blocks_stopped;
     return true;

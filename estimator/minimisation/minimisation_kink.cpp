@@ -54,7 +54,8 @@ TrialStep Minimisation::step_of(const Eigen::VectorXd& p) {
 /// Gradient of the objective where it has these rows, by the unknowns.
 Eigen::VectorXd Minimisation::gradient_of(const std::vector<BlockRows>& rows, const PriorModel& prior) {
     const BlockArrow arrow =
-        standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false).arrow;
+        standard_arrow(rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false, set_.spread)
+            .arrow;
     Eigen::VectorXd gradient(unknowns());
     for (Eigen::Index i = 0; i < gradient.size(); ++i) {
         const TrialStep unit = step_of(Eigen::VectorXd::Unit(gradient.size(), i));
@@ -159,7 +160,7 @@ Minimisation::Kink Minimisation::examine_kink() {
 
 /// Where no step decreases the objective: whether it has a kink there. @return true: go on
 bool Minimisation::passes_kink() {
-    if (kinks_++ >= most_kinks || set_.provisional || unknowns() > most_unknowns) return false;
+    if (kinks_++ >= most_kinks || set_.provisional || !set_.spread.alone() || unknowns() > most_unknowns) return false;
     const Kink found = examine_kink();
     if (found == Kink::left) {
         stopping_.expect_kinks(true);

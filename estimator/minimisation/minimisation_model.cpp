@@ -6,10 +6,11 @@ namespace orbid::estimator {
 
 double Minimisation::objective() const {
     double value = value_ + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
-    const double weight = 1.0 / (minimum_.matching * minimum_.matching);
+    if (set_.constraints == 0) return value;
+    double square = 0.0;
     for (const BlockRows& block : minimum_.rows)
-        if (block.link.size() > 0) value += 0.5 * weight * block.link.rightCols(1).squaredNorm();
-    return value;
+        if (block.link.size() > 0) square += block.link.rightCols(1).squaredNorm();
+    return value + 0.5 * set_.spread.sum(square) / (minimum_.matching * minimum_.matching);
 }
 
 /// Half the sum of squares of whitened residuals and constraints.
@@ -19,11 +20,12 @@ double Minimisation::misfit() const {
         square += block.triangle.rightCols(1).squaredNorm();
         if (block.link.size() > 0) square += block.link.rightCols(1).squaredNorm();
     }
-    return 0.5 * square;
+    return 0.5 * set_.spread.sum(square);
 }
 
 void Minimisation::factorise_errors() {
-    WhitenedArrow standard = standard_arrow(minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
+    WhitenedArrow standard =
+        standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
     arrow_ = std::move(standard.arrow);
     value_ = standard.value;
 }
@@ -75,14 +77,14 @@ void Minimisation::rescale(const std::function<void()>& change) {
 /// not count: with many of them a parameter could go anywhere. Without parameters they limit the step instead.
 double Minimisation::initial_radius() const {
     if (model_.damping.size() > 0) return model_.damping.cwiseProduct(sizes(problem_, state_.theta)).norm();
-    double radius = 0.0;
+    double square = 0.0;
     for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
+        if (!set_.spread.owns(b)) continue;
         const Eigen::VectorXd& norm = arrow_.blocks[b].norm;
         const Eigen::VectorXd& z = state_.latents[set_.blocks[b].residual][set_.blocks[b].block];
-        radius =
-            std::hypot(radius, norm.cwiseProduct(z.cwiseAbs().cwiseMax(Eigen::VectorXd::Ones(norm.size()))).norm());
+        square += norm.cwiseProduct(z.cwiseAbs().cwiseMax(Eigen::VectorXd::Ones(norm.size()))).squaredNorm();
     }
-    return radius;
+    return std::sqrt(set_.spread.sum(square));
 }
 
 }  // namespace orbid::estimator

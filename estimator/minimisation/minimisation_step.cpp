@@ -29,7 +29,7 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
     trial.evaluation = evaluate_trial(problem_.residuals, set_, problem_.laws, trial.state.theta, trial.state.latents,
                                       derivatives_at_trial_);
     ++ledger_.evaluations;
-    if (!trial.evaluation.failed.empty()) {
+    if (trial.evaluation.any_failed) {
         for (const std::size_t b : trial.evaluation.failed)
             stopping_.note_failure(b);
         trial.reason = StepRejection::block_failed;
@@ -53,7 +53,8 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
 void Minimisation::compare_slopes(const TrialStep& step, Trial& trial) const {
     trial.rows = linearise(set_, problem_.laws, trial.evaluation.values, problem_.coordinates, trial.state.theta);
     const BlockArrow arrow =
-        standard_arrow(trial.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false).arrow;
+        standard_arrow(trial.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false, set_.spread)
+            .arrow;
     const double slope =
         model_change(arrow, step.parameters.d, step.latents).linear + trial.prior.gradient.dot(step.parameters.d);
     trial.change = 0.5 * (step.slope + slope);
@@ -70,8 +71,8 @@ bool Minimisation::decreases(Trial& trial) {
     trial.evaluation =
         evaluate_trial(problem_.residuals, set_, problem_.laws, trial.state.theta, trial.state.latents, true);
     ++ledger_.evaluations;
-    if (!trial.evaluation.failed.empty()) trial.reason = StepRejection::block_failed;
-    return trial.evaluation.failed.empty();
+    if (trial.evaluation.any_failed) trial.reason = StepRejection::block_failed;
+    return !trial.evaluation.any_failed;
 }
 
 void Minimisation::adopt(const TrialStep& step, Trial trial) {

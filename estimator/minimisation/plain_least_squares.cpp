@@ -289,7 +289,7 @@ Evaluation LeastSquares::run() {
 }  // namespace
 
 bool is_plain_least_squares(const Problem& problem, const BlockSet& set) {
-    if (set.provisional || problem.laws.size() != 1 ||
+    if (set.provisional || !set.spread.alone() || problem.laws.size() != 1 ||
         !std::holds_alternative<NormalErrors>(problem.laws.front().distribution) || problem.laws.front().joint())
         return false;
     if (set.latents > 0 || set.constraints > 0 || set.records < static_cast<Eigen::Index>(problem.parameters.size()) ||

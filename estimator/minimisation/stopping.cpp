@@ -66,7 +66,7 @@ Decision Stopping::decide(const Standing& standing) {
     if (met && gains_no_digits(standing.remaining))
         return {end, Outcome::converged,
                 "the full step that is left is " + left + ", below " + two_figures(options.step_tolerance)};
-    if (options.interrupted && options.interrupted())
+    if (set_.spread.any(options.interrupted && options.interrupted()))
         return {end, Outcome::interrupted, "interrupted after " + std::to_string(ledger_.iterations) + " steps"};
     if (exhausted(standing)) {
         if (standing.stages_left) return next_stage();

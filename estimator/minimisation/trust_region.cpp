@@ -32,8 +32,11 @@ TrialStep step_at(const StepModel& model, double mu) {
     // Directions that only the prior decides are measured in its own curvature, as they are damped.
     double square = model.damping.cwiseProduct(step.parameters.seen).squaredNorm() +
                     model.prior->quadratic(d - step.parameters.seen);
+    double latent_square = 0.0;
     for (std::size_t b = 0; b < step.latents.size(); ++b)
-        square += model.arrow->blocks[b].norm.cwiseProduct(step.latents[b]).squaredNorm();
+        if (model.arrow->spread.owns(b))
+            latent_square += model.arrow->blocks[b].norm.cwiseProduct(step.latents[b]).squaredNorm();
+    square += model.arrow->spread.sum(latent_square);
     step.length = std::sqrt(square);
     return step;
 }

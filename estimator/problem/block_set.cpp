@@ -68,9 +68,12 @@ bool half_of_a_residual(const BlockSet& set, const std::vector<std::size_t>& blo
                        [&](const auto& own) { return 2 * own.second >= active[own.first]; });
 }
 
-Evaluation evaluate(const std::vector<const Residual*>& residuals, const BlockSet& set,
-                    const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta, const Latents& latents,
-                    bool derivatives) {
+namespace {
+
+/// The blocks of this rank.
+Evaluation evaluate_here(const std::vector<const Residual*>& residuals, const BlockSet& set,
+                         const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta, const Latents& latents,
+                         bool derivatives) {
     std::vector<std::vector<BlockValue>> answers(residuals.size());
     for (std::size_t r = 0; r < residuals.size(); ++r) {
         answers[r] = residuals[r]->evaluate(set.active[r], theta, latents[r], derivatives);
@@ -97,18 +100,29 @@ Evaluation evaluate(const std::vector<const Residual*>& residuals, const BlockSe
     return evaluation;
 }
 
+}  // namespace
+
+Evaluation evaluate(const std::vector<const Residual*>& residuals, const BlockSet& set,
+                    const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta, const Latents& latents,
+                    bool derivatives) {
+    Evaluation evaluation = evaluate_here(residuals, set, laws, theta, latents, derivatives);
+    evaluation.any_failed = set.spread.any(!evaluation.failed.empty());
+    return evaluation;
+}
+
 Evaluation evaluate_trial(const std::vector<const Residual*>& residuals, const BlockSet& set,
                           const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta, const Latents& latents,
                           bool derivatives) {
+    Evaluation evaluation;
     try {
-        return evaluate(residuals, set, laws, theta, latents, derivatives);
+        evaluation = evaluate_here(residuals, set, laws, theta, latents, derivatives);
     } catch (const models::Stopped&) {
-        Evaluation none;
-        none.values.resize(set.blocks.size());
-        none.failed.resize(set.blocks.size());
-        std::iota(none.failed.begin(), none.failed.end(), std::size_t{0});
-        return none;
+        evaluation.values.resize(set.blocks.size());
+        evaluation.failed.resize(set.blocks.size());
+        std::iota(evaluation.failed.begin(), evaluation.failed.end(), std::size_t{0});
     }
+    evaluation.any_failed = set.spread.any(!evaluation.failed.empty());
+    return evaluation;
 }
 
 Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,
@@ -164,7 +178,7 @@ double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, co
     double sum = 0.0;
     for (const double part : change)
         sum += part;
-    return sum;
+    return set.spread.sum(sum);
 }
 
 double violation_change(const BlockSet& set, const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {
@@ -174,7 +188,7 @@ double violation_change(const BlockSet& set, const std::vector<BlockValue>& from
         const Eigen::VectorXd inverse = set.blocks[b].constraint_size.cwiseInverse();
         change += 0.5 * (to[b].c - from[b].c).cwiseProduct(inverse).dot((to[b].c + from[b].c).cwiseProduct(inverse));
     }
-    return change;
+    return set.spread.sum(change);
 }
 
 double violation(const BlockSet& set, const std::vector<BlockValue>& values) {
@@ -184,7 +198,8 @@ double violation(const BlockSet& set, const std::vector<BlockValue>& values) {
         const Eigen::VectorXd c = values[b].c.cwiseQuotient(set.blocks[b].constraint_size);
         square += c.squaredNorm();
     }
-    return set.constraints > 0 ? std::sqrt(square / static_cast<double>(set.constraints)) : 0.0;
+    if (set.constraints == 0) return 0.0;
+    return std::sqrt(set.spread.sum(square) / static_cast<double>(set.constraints));
 }
 
 Eigen::VectorXd scales_of(const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi) {

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "estimator/algebra/spread.hpp"
 #include "estimator/errors/noise_model.hpp"
 #include "estimator/interface/residual.hpp"
 
@@ -53,6 +54,10 @@ struct BlockSet {
     Eigen::Index constraints = 0;
     bool linked = false;       ///< some records depend on the states of the next block
     bool provisional = false;  ///< see ActiveSet::is_intermediate_stage
+    std::size_t all_blocks = 0;
+    /// Over ranks, all numbers above are those of all ranks, and the functions below that take a set are operations of
+    /// all ranks together.
+    Spread spread;
 };
 
 /// All groups of all residuals, in order.
@@ -82,6 +87,7 @@ struct BlockSet {
 struct Evaluation {
     std::vector<BlockValue> values;
     std::vector<std::size_t> failed;  ///< indices into BlockSet::blocks; a value that is not finite counts as failed
+    bool any_failed = false;          ///< here or on another rank
 };
 
 /// Evaluates every residual once. @throws std::invalid_argument naming the block when a result has the wrong shape.

@@ -228,6 +228,7 @@ BlockSet freeze(const std::vector<const Residual*>& residuals, std::vector<Activ
         }
         first_channel += groups;
     }
+    set.all_blocks = set.blocks.size();
     return set;
 }
 

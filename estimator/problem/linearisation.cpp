@@ -191,6 +191,14 @@ void shaped_derivative(const BlockRows& block, const std::vector<NoiseModel>& la
     result.value += result.rows.rightCols(1).col(0).dot(at.rows.rightCols(1).col(0));
 }
 
+/// Columns of parameters in a block's rows; `otherwise` where it has none.
+Eigen::Index parameter_columns(const BlockRows& block, Eigen::Index otherwise) {
+    if (!block.parts.empty()) return block.parts.front().records.rows.cols() - block.latents - 1;
+    if (!block.linked_parts.empty())
+        return block.linked_parts.front().records.rows.cols() - block.latents - block.next_latents - 1;
+    return block.rows.size() > 0 ? block.rows.cols() - block.latents - 1 : otherwise;
+}
+
 }  // namespace
 
 WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<PartRows>& parts,
@@ -230,18 +238,13 @@ WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std:
 
 WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                              const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows,
-                             bool factorised) {
+                             bool factorised, const Spread& spread) {
     WhitenedArrow result;
     Eigen::Index parameters = 0;
     std::vector<char> in_chain(rows.size(), 0);
     for (std::size_t b = 0; b < rows.size(); ++b) {
         const BlockRows& block = rows[b];
-        if (!block.parts.empty())
-            parameters = block.parts.front().records.rows.cols() - block.latents - 1;
-        else if (!block.linked_parts.empty())
-            parameters = block.linked_parts.front().records.rows.cols() - block.latents - block.next_latents - 1;
-        else if (block.rows.size() > 0)
-            parameters = block.rows.cols() - block.latents - 1;
+        parameters = parameter_columns(block, parameters);
         if (block.link.rows() == 0 && block.linked_parts.empty()) continue;
         in_chain[b] = 1;
         if (block.next >= 0) in_chain[static_cast<std::size_t>(block.next)] = 1;
@@ -281,10 +284,13 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
     });
     for (const double part : value)
         result.value += part;
-    if (factorised)
-        result.arrow = factorise(std::move(blocks), parameters);
-    else
+    result.value = spread.sum(result.value);
+    if (factorised) {
+        result.arrow = factorise(std::move(blocks), parameters, spread);
+    } else {
         result.arrow.blocks = std::move(blocks);
+        result.arrow.spread = spread;
+    }
     return result;
 }
 

@@ -82,6 +82,12 @@ struct WhitenedArrow {
 /// @param factorised  false: the rows of the blocks alone, enough for model_change().
 [[nodiscard]] WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                                            const Eigen::VectorXd& psi, double matching, Curvature curvature,
-                                           bool keep_rows = false, bool factorised = true);
+                                           bool keep_rows = false, bool factorised = true, const Spread& spread = {});
+/// The same, factorised, of a set that may be spread over ranks.
+[[nodiscard]] inline WhitenedArrow standard_arrow(const BlockSet& set, const std::vector<BlockRows>& rows,
+                                                  const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                                                  double matching, Curvature curvature, bool keep_rows = false) {
+    return standard_arrow(rows, laws, psi, matching, curvature, keep_rows, true, set.spread);
+}
 
 }  // namespace orbid::estimator

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "estimator/errors/noise_model.hpp"
+#include "estimator/interface/chain_share.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/problem/block_set.hpp"
 #include "estimator/problem/bounded_step.hpp"
@@ -29,6 +30,8 @@ struct Problem {
     };
     std::vector<Joint> joint_priors;
     EstimateOptions options;
+    Collective* ranks = nullptr;  ///< over which the estimate is spread; null: none
+    ChainShare share;
 };
 
 /// The present state of an estimate.

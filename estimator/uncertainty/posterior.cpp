@@ -46,13 +46,11 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
         const Prior& prior = problem.parameters[index].prior;
         if (is_proper(prior)) column_size[i] = problem.coordinates[index].prior_sd(prior, state.theta[i]);
     }
-    arrow_ = standard_arrow(minimum.rows, problem.laws, state.psi, minimum.matching, Curvature::expected).arrow;
+    arrow_ = standard_arrow(set, minimum.rows, problem.laws, state.psi, minimum.matching, Curvature::expected).arrow;
     reduced_problem_ = condense(arrow_, 0.0);
     identifiability_ = identifiability(reduced_problem_.r, step, size, column_size);
 
-    Eigen::Index dead = 0;
-    for (const BlockTriangle& block : arrow_.blocks)
-        dead += std::count(block.dead.begin(), block.dead.end(), true);
+    const Eigen::Index dead = undetermined_states(arrow_);
     degrees_of_freedom_ =
         static_cast<double>(set.records - (set.latents - dead - set.constraints) - step.space.data.cols());
     error_parameters();
@@ -140,7 +138,8 @@ void Posterior::add_error_uncertainty() {
             Eigen::VectorXd shifted = state_.psi;
             shifted[k] += sign * h;
             const ReducedProblem reduced_problem = condense(
-                standard_arrow(errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected).arrow,
+                standard_arrow(set_, errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected)
+                    .arrow,
                 0.0);
             difference += sign / (2.0 * h) * (reduced_problem.r.transpose() * reduced_problem.rhs);
         }
@@ -171,7 +170,7 @@ double Posterior::constraint_term() const {
         if (block.constraints > 0)
             value += block.constraint_size.array().log().sum() +
                      static_cast<double>(block.constraints) * std::log(minimum_.matching);
-    return value;
+    return set_.spread.sum(value);
 }
 
 double Posterior::log_likelihood() const {
@@ -240,6 +239,7 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
     });
     for (const Eigen::VectorXd& part : sums)
         slopes += part;
+    set_.spread.sum(slopes);
     return slopes;
 }
 

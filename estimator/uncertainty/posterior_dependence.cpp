@@ -34,7 +34,7 @@ void Posterior::look_for_autocorrelation() {
     std::vector<std::vector<std::size_t>> rows;
     for (std::size_t c = 0; c < problem_.channels.size(); ++c) {
         const Group& group = group_of(problem_, static_cast<int>(c));
-        if (!group.ordered) {
+        if (!group.ordered || !set_.spread.alone()) {
             autocorrelations_.emplace_back();
             unexplained_.emplace_back();
             continue;

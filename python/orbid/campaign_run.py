@@ -123,7 +123,7 @@ class Campaign:
         """Numbers of "tasks", and of those "waiting", "done" and "failed"."""
         with self._read() as journal:
             (tasks,), = journal.execute("SELECT value FROM campaign WHERE key = 'tasks'").fetchall()
-            ended = dict(journal.execute("SELECT state, count(*) FROM outcome GROUP BY state").fetchall())
+            ended = dict(journal.execute("SELECT state, count(*) FROM task GROUP BY state").fetchall())
         done, failed = ended.get("done", 0), ended.get("failed", 0)
         return {"tasks": tasks, "waiting": tasks - done - failed, "done": done, "failed": failed}
 
@@ -175,7 +175,7 @@ class Campaign:
                                 "FROM parameter GROUP BY name ORDER BY first, position").fetchall()
         for name, truths, bounds, _, _ in named:
             found = journal.execute("SELECT task, value, sd, lower, upper, truth, bound FROM parameter "
-                                    "JOIN outcome USING (task) WHERE name = ? AND state <> 'waiting'", (name,))
+                                    "JOIN task ON number = task WHERE name = ? AND state <> 'waiting'", (name,))
             cells = np.array(found.fetchall(), dtype=np.float64).reshape(-1, 7)
             values = np.full((6, len(number)), np.nan)
             values[:, np.searchsorted(number, cells[:, 0].astype(np.int64))] = cells[:, 1:].T
@@ -203,7 +203,7 @@ class Campaign:
     def result(self, number: int) -> Dict[str, Any]:
         """Content of the result.json of a task, from 0; empty: it has none."""
         with self._read() as journal:
-            found = journal.execute("SELECT content FROM plan LEFT JOIN result ON task = number WHERE number = ?",
+            found = journal.execute("SELECT content FROM task LEFT JOIN result ON task = number WHERE number = ?",
                                     (int(number),)).fetchone()
         if found is None:
             raise ValueError(f"task {number}: the campaign has {self.counts['tasks']} tasks, from 0")

@@ -65,7 +65,9 @@ JournalHead head_of(const CampaignTasks& tasks) {
     return head;
 }
 
-void add_missing(const CampaignTasks& tasks, Journal& journal) {
+}  // namespace
+
+void add_missing_tasks(const CampaignTasks& tasks, Journal& journal) {
     if (journal.added() == tasks.count()) return;
     constexpr std::size_t at_once = 20'000;
     std::vector<TaskPlan> plans;
@@ -77,6 +79,8 @@ void add_missing(const CampaignTasks& tasks, Journal& journal) {
     }
     if (!plans.empty()) journal.add_tasks(plans);
 }
+
+namespace {
 
 /// Where the campaign of a journal differs from this one.
 std::string difference(const Journal& journal, const CampaignTasks& tasks) {
@@ -111,7 +115,7 @@ Journal campaign_journal(const CampaignTasks& tasks, const std::filesystem::path
     if (journal.head().key != head.key)
         throw OtherCampaign(fmt::format("{} holds the journal of another campaign ({}); choose another --out",
                                         folder.string(), difference(journal, tasks)));
-    add_missing(tasks, journal);
+    add_missing_tasks(tasks, journal);
     return journal;
 }
 

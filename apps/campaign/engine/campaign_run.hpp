@@ -40,6 +40,9 @@ inline constexpr const char* journal_name = "campaign.sqlite";
 /// @throws OtherCampaign, JournalError; std::runtime_error when the folder cannot be made or a data file not be read.
 [[nodiscard]] Journal campaign_journal(const CampaignTasks& tasks, const std::filesystem::path& folder);
 
+/// Adds the tasks that a journal lacks: the adding was interrupted, or they were lost with a damaged part.
+void add_missing_tasks(const CampaignTasks& tasks, Journal& journal);
+
 /// Runs all waiting tasks of a journal.
 /// @return false: stopped before the end; what has ended is stored.
 /// @throws JournalError, std::runtime_error as Dealer::run.

@@ -6,8 +6,10 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <string>
 #include <system_error>
+#include <thread>
 
 #include <fmt/format.h>
 
@@ -47,7 +49,15 @@ JournalLock::JournalLock(const std::filesystem::path& journal) {
     if (descriptor_ < 0)
         throw JournalError(fmt::format("cannot lock {}: {}: {}", journal.string(), path.string(),
                                        std::generic_category().message(errno)));
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
+    // Children of a program that was just killed have its lock until they end, too.
+    constexpr std::chrono::milliseconds patience(1000), between(10);
+    const auto latest = std::chrono::steady_clock::now() + patience;
+    int failed = ::flock(descriptor_, LOCK_EX | LOCK_NB);
+    while (failed != 0 && errno == EWOULDBLOCK && std::chrono::steady_clock::now() < latest) {
+        std::this_thread::sleep_for(between);
+        failed = ::flock(descriptor_, LOCK_EX | LOCK_NB);
+    }
+    if (failed != 0) {
         const int error = errno;
         ::close(descriptor_);
         if (error != EWOULDBLOCK)

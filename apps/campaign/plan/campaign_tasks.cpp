@@ -59,6 +59,9 @@ std::size_t multiply_numbers(Json& value, double factor) {
 
 /// A parameter of a grid keeps its value: it leaves the estimate.
 void hold(Json& job, const std::string& parameter) {
+    if (const auto model = job.find("model");
+        model != job.end() && model->is_object() && !model->contains("parameters"))
+        (*model)["parameters"] = Json::object();
     if (const auto estimate = job.find("estimate"); estimate != job.end() && estimate->contains("parameters"))
         (*estimate)["parameters"].erase(parameter);
 }

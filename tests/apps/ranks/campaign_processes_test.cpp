@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "apps/program/campaign_run_text.hpp"
 #include "tests/apps/campaign/echo_campaign.hpp"
 #include "tests/apps/program/temporary_folder.hpp"
 #include "tests/catch.hpp"
@@ -72,6 +73,37 @@ TEST_CASE("A task whose process crashes has failed, and the others are run", "[c
     CHECK(run(tasks, journal, Engine::threads, well));
     CHECK(journal.counts().done == 29);
     CHECK(rows(journal)[6].attempts == 2);
+}
+
+TEST_CASE("A campaign given as text stores the same in processes and in threads", "[campaign]") {
+    const std::string text = R"({
+      "kind": "sweep", "replicates": 4,
+      "job": {
+        "model": { "name": "free_pendulum", "parameters": { "w0sq": 30 } },
+        "data": { "simulate": { "samples": { "step": 0.02, "count": 31 }, "noise": { "phi": 0.01, "phi_dot": 0.01 },
+                                "initial": [[1.0, 0.0]] } },
+        "estimate": { "parameters": { "w0sq": { "start": 33 } }, "residuals": [ { "type": "series" } ] } } })";
+    const TemporaryFolder folder;
+    std::map<bool, std::map<std::int64_t, Journal::Row>> stored;
+    // Processes first: they are forked while there is one thread.
+    for (const bool processes : {true, false}) {
+        apps::CampaignRunOptions options;
+        options.out = folder.path() / (processes ? "processes" : "threads");
+        options.threads = 2;
+        options.processes = processes;
+        const apps::CampaignRun ran = apps::run_campaign_text(text, folder.path() / "campaign.json", options);
+        CHECK(ran.exit_code == 0);
+        CHECK(ran.counts.done == 4);
+        stored[processes] = rows(Journal::open(options.out / apps::journal_name, Journal::Access::read));
+    }
+    REQUIRE(stored[true].size() == 4);
+    for (const auto& [number, row] : stored[true]) {
+        REQUIRE(row.outcome.parameters.size() == 3);
+        for (std::size_t k = 0; k < 3; ++k) {
+            CHECK(row.outcome.parameters[k].value == stored[false][number].outcome.parameters[k].value);
+            CHECK(row.outcome.parameters[k].sd == stored[false][number].outcome.parameters[k].sd);
+        }
+    }
 }
 
 }  // namespace
