@@ -1,9 +1,8 @@
 // One estimate of a long chain over ranks: time, memory and messages per rank, and the same estimate.
 //   rank_chain_bench [nodes, default 1e6] [ranks ..., default 1 2 4]
-// Henon's map with two parameters, both coordinates read with errors of 1e-3, matching sd 1e-3. Ranks are threads with
-// one processor each, which share no data. Every line is a process of its own, so that its memory is its own. Seconds
-// of the processor are those of the busiest rank: with a processor for each rank the estimate takes so long, apart from
-// messages.
+// Henon's map with two parameters, both coordinates read with errors of 1e-3, matching sd 1e-3. Ranks are processes of
+// this machine with one thread each. Seconds of the processor and memory are those of the busiest and of the largest
+// rank: with a processor for each rank the estimate takes so long, apart from messages.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -17,15 +16,15 @@
 #include <ctime>
 #include <fstream>
 #include <random>
+#include <span>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <oneapi/tbb/global_control.h>
 
+#include "apps/ranks/process_ranks.hpp"
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/estimate/estimate_over_ranks.hpp"
-#include "estimator/ranks/thread_ranks.hpp"
 
 namespace {
 
@@ -181,34 +180,42 @@ Answer run(std::size_t count, int ranks) {
         take(estimator::estimate(parameters, {&whole}, {}, options), answer);
         answer.busiest = thread_seconds() - before;
     } else {
-        estimator::ThreadRanks threads(ranks);
-        std::vector<Answer> of(static_cast<std::size_t>(ranks));
-        std::vector<std::thread> workers;
-        for (int r = 0; r < ranks; ++r)
-            workers.emplace_back([&, r] {
-                const auto own = static_cast<std::size_t>(r);
-                const auto all = static_cast<std::size_t>(ranks);
-                const Part part(count, own * count / all, (own + 1) * count / all);
-                CountingRanks counting(threads[r]);
-                const double before = thread_seconds();
-                take(estimator::estimate_over_ranks(parameters, {&part}, {r > 0, r + 1 < ranks}, counting, {}, options),
-                     of[own]);
-                of[own].busiest = thread_seconds() - before;
-                of[own].messages = counting.messages;
-                of[own].sent = counting.bytes;
-                threads.end(r);
-            });
-        for (std::thread& worker : workers)
-            worker.join();
+        const auto compute = [&](estimator::Ranks& talking) {
+            const auto own = static_cast<std::size_t>(talking.rank());
+            const auto all = static_cast<std::size_t>(ranks);
+            const Part part(count, own * count / all, (own + 1) * count / all);
+            CountingRanks counting(talking);
+            Answer mine;
+            const double before = thread_seconds();
+            take(estimator::estimate_over_ranks(parameters, {&part}, {own > 0, own + 1 < all}, counting, {}, options),
+                 mine);
+            mine.busiest = thread_seconds() - before;
+            mine.messages = counting.messages;
+            mine.sent = counting.bytes;
+            mine.bytes = memory("VmHWM");
+            return mine;
+        };
+        apps::ProcessRanks processes(ranks, [&](estimator::Ranks& talking) {
+            const Answer mine = compute(talking);
+            talking.send(0, std::as_bytes(std::span(&mine, 1)));
+            return 0;
+        });
+        std::vector<Answer> of{compute(processes)};
+        for (int r = 1; r < ranks; ++r) {
+            const estimator::RankMessage message = processes.receive(r);
+            if (message.content.size() != sizeof(Answer)) std::exit(1);
+            std::memcpy(&of.emplace_back(), message.content.data(), sizeof(Answer));
+        }
         answer = of[0];
         for (const Answer& one : of) {
             answer.busiest = std::max(answer.busiest, one.busiest);
             answer.messages = std::max(answer.messages, one.messages);
             answer.sent = std::max(answer.sent, one.sent);
+            answer.bytes = std::max(answer.bytes, one.bytes);
         }
     }
     answer.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    answer.bytes = memory("VmHWM");
+    if (ranks == 0) answer.bytes = memory("VmHWM");
     return answer;
 }
 
@@ -217,6 +224,7 @@ Answer run_apart(std::size_t count, int ranks) {
     std::array<int, 2> ends{};
     Answer answer;
     if (pipe(ends.data()) != 0) std::exit(1);
+    std::fflush(stdout);
     const pid_t child = fork();
     if (child == 0) {
         const oneapi::tbb::global_control limit(oneapi::tbb::global_control::max_allowed_parallelism, 1);
@@ -256,8 +264,7 @@ int main(int argc, char** argv) {
         same = same && answer.converged > 0.0 && difference < 1e-10;
         std::printf("%12s %6.0f %9.1f %13.1f %13.0f %10.0f %10.3f %12.1e\n",
                     r == 0 ? "one process" : std::to_string(r).c_str(), answer.iterations, answer.seconds,
-                    answer.busiest, 1e-6 * answer.bytes / std::max(r, 1), answer.messages, 1e-6 * answer.sent,
-                    difference);
+                    answer.busiest, 1e-6 * answer.bytes, answer.messages, 1e-6 * answer.sent, difference);
     }
     std::printf("%s\n", same ? "the same estimate to 1e-10" : "NOT the same estimate");
     return same ? 0 : 1;

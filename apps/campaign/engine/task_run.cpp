@@ -134,9 +134,10 @@ std::vector<KnownValue> known_in_job(const std::string& text, const std::filesys
                 add(parameter_names(job)[static_cast<std::size_t>(own)] + "@" + data.name,
                     data.with_own(job.model.values)[own]);
     }
-    for (const auto& [name, value] : job.reference)
-        if (std::none_of(known.begin(), known.end(), [&](const KnownValue& one) { return one.parameter == name; }))
-            add(name, value);
+    for (const ReferenceJob& reference : job.reference)
+        if (std::none_of(known.begin(), known.end(),
+                         [&](const KnownValue& one) { return one.parameter == reference.name; }))
+            add(reference.name, reference.value);
     return known;
 }
 
