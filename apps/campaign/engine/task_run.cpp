@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/campaign/plan/campaign_file.hpp"
 #include "apps/documents/compression.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
@@ -121,11 +122,8 @@ std::vector<KnownValue> known_in_job(const std::string& text, const std::filesys
     std::vector<KnownValue> known;
     if (!reading.job || !reading.job->estimate) return known;
     const Job& job = *reading.job;
-    const bool simulated = !job.data.empty() && std::all_of(job.data.begin(), job.data.end(), [](const DataJob& data) {
-        return data.simulation.has_value();
-    });
     const auto add = [&](std::string name, double value) { known.push_back({std::move(name), value}); };
-    if (simulated) {
+    if (simulates_all_data(job)) {
         for (const FreeParameterJob& parameter : job.estimate->parameters)
             add(parameter_names(job)[static_cast<std::size_t>(parameter.parameter)],
                 job.model.values[parameter.parameter]);

@@ -45,7 +45,7 @@ struct TaskOutcome {
     std::string result;            ///< result.json, compressed by zlib; empty: none
     double started = 0;            ///< Unix time, in s
     double seconds = 0;            ///< of the clock
-    double processor_seconds = 0;  ///< of all its threads
+    double processor_seconds = 0;  ///< of the thread that ran it
     std::string host;
     int rank = 0;
 };

@@ -22,11 +22,6 @@ namespace {
 
 constexpr std::int64_t most_checked = 1000;
 
-bool simulates(const Job& job) {
-    return !job.data.empty() && std::all_of(job.data.begin(), job.data.end(),
-                                            [](const DataJob& data) { return data.simulation.has_value(); });
-}
-
 /// What a kind needs besides its keys.
 void check_kind(ObjectReader& root, const Campaign& campaign) {
     using Kind = Campaign::Kind;
@@ -63,17 +58,12 @@ private:
     void check_task(std::int64_t number, const Job& job) {
         const Campaign& campaign = tasks_.campaign();
         if (!job.estimate) return complain(number, {{}, "", "the job has no \"estimate\": nothing to tell of it"});
-        if (campaign.kind == Campaign::Kind::coverage && !simulates(job) && tasks_.known(number).empty())
+        if (campaign.kind == Campaign::Kind::coverage && !simulates_all_data(job) && tasks_.known(number).empty())
             complain(number, {{}, "/data", "coverage needs data that the job simulates, or \"truth\" in the campaign"});
-        for (const std::string& parameter : campaign.held)
-            if (!is_in(parameter, parameter_names(job)))
-                root_.report("grid", fmt::format("the model has no parameter \"{}\"{}", parameter,
-                                                 suggestion(parameter, parameter_names(job))));
     }
 
     /// Once each, at what varies there; otherwise at the job.
     void complain(std::int64_t number, const Problem& problem) {
-        const std::string name = tasks_.base(number).name;
         std::string text = fmt::format("{}{}{}", problem.pointer, problem.pointer.empty() ? "" : ": ", problem.rule);
         if (!told_.insert(text).second) return;
         ++complaints_;
@@ -81,11 +71,28 @@ private:
         std::string values;
         for (std::size_t i = 0; i < plan.values.size(); ++i)
             values += fmt::format("{}{} = {}", values.empty() ? "" : ", ", tasks_.columns()[i].name, plan.values[i]);
-        const char* key = tasks_.campaign().kind == Campaign::Kind::bootstrap ? "run"
-                          : tasks_.campaign().jobs.size() > 1                 ? "jobs"
-                                                                              : "job";
-        root_.report(key, fmt::format("the job of task {}{} is refused: {}", number,
-                                      values.empty() ? "" : " (" + values + ")", text));
+        text =
+            fmt::format("the job of task {}{} is refused: {}", number, values.empty() ? "" : " (" + values + ")", text);
+        const auto at = root_.find(key_of(problem.pointer));
+        if (!at)
+            root_.self().report(text);
+        else if (problem.kind == Problem::Kind::data)
+            at->report_data(text);
+        else
+            at->report(text);
+    }
+
+    /// The key of the campaign that a value of the job comes from.
+    [[nodiscard]] std::string key_of(const std::string& pointer) const {
+        const Campaign& campaign = tasks_.campaign();
+        for (const VariedColumn& column : tasks_.columns()) {
+            if (column.pointer.empty() || !(pointer + "/").starts_with(column.pointer + "/")) continue;
+            if (is_in(column.name, campaign.held)) return "grid";
+            if (campaign.kind == Campaign::Kind::records && column.name == "record") return "records";
+            return column.name == "seed" ? "seed" : "vary";
+        }
+        if (campaign.kind == Campaign::Kind::bootstrap) return "run";
+        return campaign.jobs.size() > 1 ? "jobs" : "job";
     }
 
     const CampaignTasks& tasks_;
@@ -143,6 +150,11 @@ CampaignReading read_campaign(std::string_view text, const std::filesystem::path
     });
     if (reading.problems.empty()) reading.campaign = std::move(read.campaign);
     return reading;
+}
+
+bool simulates_all_data(const Job& job) {
+    return !job.data.empty() && std::all_of(job.data.begin(), job.data.end(),
+                                            [](const DataJob& data) { return data.simulation.has_value(); });
 }
 
 bool is_campaign(std::string_view text) {

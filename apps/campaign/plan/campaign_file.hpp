@@ -9,6 +9,7 @@
 #include "apps/campaign/plan/campaign.hpp"
 #include "apps/documents/json_document.hpp"
 #include "apps/documents/schema.hpp"
+#include "apps/job/job.hpp"
 
 namespace orbid::apps {
 
@@ -32,6 +33,9 @@ struct CampaignReading {
 
 /// What a campaign would run, for people: one line for each thing that varies.
 [[nodiscard]] std::string campaign_summary(const Campaign& campaign);
+
+/// Whether a job makes all its data: what they were made by is then known.
+[[nodiscard]] bool simulates_all_data(const Job& job);
 
 /// What a campaign may contain; `orbid schema --campaign` and docs/campaign_reference.md follow it.
 [[nodiscard]] const ValueSchema& campaign_description();

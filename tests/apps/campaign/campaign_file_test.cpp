@@ -191,6 +191,9 @@ TEST_CASE("What is wrong with a campaign is told with its place", "[campaign]") 
                Contains("/changes") && Contains("no job \"botj\"") && Contains("did you mean \"both\"?"));
     CHECK_THAT(problem(with(R"("changes": { "henon": {} }, "vary": [ { "key": "/seed", "values": [1] } ])")),
                Contains("/changes"));
+    CHECK_THAT(
+        problem(with(R"("vary": [ { "key": "/estimate/parameters/a/start", "values": [1, "x"] } ])")),
+        Contains("/vary: the job of task 1 (a_start = \"x\") is refused: /estimate/parameters/a/start: must be"));
     CHECK_THAT(problem(R"({ "kind": "sweep", "job": "henon.json" })"), Contains("needs \"vary\""));
     CHECK_THAT(problem(R"({ "kind": "sweep", "job": "absent.json" })"), Contains("does not exist"));
     CHECK_THAT(problem(R"({ "kind": "coverage", "job": "henon.json" })"), Contains("replicates"));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "tests/catch.hpp"
@@ -185,12 +186,13 @@ TEST_CASE("A chain over ranks gives what one process gives", "[estimator][ranks]
 }
 
 TEST_CASE("Growing and contracting directions keep their digits across ranks", "[estimator][ranks]") {
-    // Against the exact solution of 31 nodes both are equally far off: growth e^rate costs one process the same digits.
-    // Ten times the worst measured, and covariances at e^14 have none left in either.
+    // Ten times the worst measured. Against 31 nodes in quadruple precision states are as right as in one process;
+    // covariances are not: 2e-7 instead of 1e-10 at e^5, and at e^14 too few digits are left to compare.
     struct Case {
-        double rate, states, covariance;
+        double rate, states;
+        std::optional<double> covariance;
     };
-    for (const Case& at : {Case{0.8, 1e-12, 1e-12}, Case{5.0, 1e-11, 1e-6}, Case{14.0, 1e-8, 1e9}}) {
+    for (const Case& at : {Case{0.8, 1e-12, 1e-12}, Case{5.0, 1e-11, 1e-6}, Case{14.0, 1e-8, std::nullopt}}) {
         for (const double weight : {1.0, 1e4, 1e8}) {
             const StackedProblem problem = turning_chain(301, at.rate, weight, 5);
             const Found one = found_in(problem.blocks(), problem.parameters, 0.0, {});
@@ -200,7 +202,7 @@ TEST_CASE("Growing and contracting directions keep their digits across ranks", "
                 CAPTURE(at.rate, weight, ranks, found.common, found.states, found.covariance);
                 CHECK(found.common < at.states);
                 CHECK(found.states < at.states);
-                CHECK(found.covariance < at.covariance);
+                if (at.covariance) CHECK(found.covariance < *at.covariance);
             }
         }
     }
