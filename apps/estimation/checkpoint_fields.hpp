@@ -116,8 +116,8 @@ requires std::is_constructible_v<ErrorDistribution, Distribution&> &&
 }
 
 inline void fields(apps::Archive& archive, Group& value) {
-    auto& [name, unit, scale, distribution, floor, factor, ordered, interval, interval_unit] = value;
-    archive(name, unit, scale, distribution, floor, factor, ordered, interval, interval_unit);
+    auto& [name, unit, scale, distribution, floor, factor, slack, ordered, interval, interval_unit] = value;
+    archive(name, unit, scale, distribution, floor, factor, slack, ordered, interval, interval_unit);
 }
 
 inline void fields(apps::Archive& archive, BlockLayout& value) {

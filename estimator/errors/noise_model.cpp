@@ -240,6 +240,7 @@ WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
     assert(psi.size() == static_cast<Eigen::Index>(law.coordinates.size()));
     assert(records.rows.cols() > 0);
     if (law.joint()) return joint_rows<T>(law, records, psi);
+    if (law.slack && curvature == Curvature::expected) curvature = Curvature::guarded;
     if (std::holds_alternative<StudentErrors>(law.distribution)) return student_rows<T>(records, psi, curvature);
     if (std::holds_alternative<LaplaceErrors>(law.distribution)) return laplace_rows<T>(records, psi[0], curvature);
     if (std::holds_alternative<RelativeErrors>(law.distribution)) return relative_rows<T>(records, psi, curvature);

@@ -42,6 +42,7 @@ struct NoiseModel {
     std::vector<int> channels;                 ///< one, or the m responses of a full covariance
     std::vector<ErrorCoordinate> coordinates;  ///< shape (number of error parameters)
     Eigen::Index first = 0;                    ///< of its parameters in the psi of the whole estimate
+    bool slack = false;                        ///< Group::slack with a fixed scale
     double inverse_wishart_dof = 0.0;          ///< see JointCovariance
     Eigen::MatrixXd inverse_wishart_psi;
 
@@ -85,7 +86,7 @@ struct LawRecords {
 /// Which second derivative the whitened rows carry.
 ///
 /// step: of the objective itself where it is positive, for fast steps. expected: the Fisher information, for
-/// uncertainties and for ln|H| of (M9). guarded: as step, except for far outliers under Student's t. If a step would
+/// uncertainties and for ln|H| of (M9); of errors that are in truth zero the second derivative there. guarded: as step, except for far outliers under Student's t. If a step would
 /// carry such a record beyond its mirror image, it counts with its weight g / e, which always descends. This is for
 /// records that are to vanish rather than to scatter. All are equal for normal errors with a fixed covariance.
 enum class Curvature { step, expected, guarded };

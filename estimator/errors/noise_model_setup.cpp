@@ -79,6 +79,7 @@ NoiseModel law_of_one(const Group& group, int channel) {
     NoiseModel law;
     law.distribution = group.distribution;
     law.channels = {channel};
+    law.slack = group.slack && !group.scale.estimate;
     law.coordinates.push_back(scale_coordinate(group));
     if (const auto* student = std::get_if<StudentErrors>(&group.distribution))
         law.coordinates.push_back(

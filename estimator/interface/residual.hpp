@@ -73,6 +73,9 @@ struct Group {
     ErrorDistribution distribution = NormalErrors{};
     double floor = 0.0;   ///< least value of an estimated scale, >= 0: errors are known not to be smaller
     bool factor = false;  ///< s_g is a factor on the blocks' own covariance (unit 1), not a sd in `unit`
+    /// The errors are in truth zero, and the scale only says how far the computation may leave them: while it is fixed,
+    /// or estimated and at its floor. Such records hold parameters, but their scale does not count as an error of them.
+    bool slack = false;
     /// Consecutive records of this group within a block are equidistant samples in time: the estimator then computes
     /// their autocorrelation. `interval` is the distance in `interval_unit`.
     bool ordered = false;

@@ -54,6 +54,7 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
     degrees_of_freedom_ =
         static_cast<double>(set.records - (set.latents - dead - set.constraints) - step.space.data.cols());
     error_parameters();
+    leave_out_slack();
     look_for_autocorrelation();
     make_sandwich();
 
@@ -152,6 +153,52 @@ void Posterior::add_error_uncertainty() {
     const Eigen::MatrixXd through = minimum_.step.decided * moved_by_errors_;
     laplace_ += through * errors * through.transpose();
     covariance_ = laplace_;
+}
+
+/// Records whose errors are in truth zero hold parameters with their scale's weight, but add no scatter. With J_s their
+/// whitened rows the covariance H^-1 becomes H^-1 (H - J_s^T J_s) H^-1.
+void Posterior::leave_out_slack() {
+    const Eigen::Index rank = point_.triangle.rows();
+    std::vector<bool> slack(problem_.laws.size(), false);
+    bool any = false;
+    for (std::size_t k = 0; k < problem_.laws.size(); ++k) {
+        const NoiseModel& law = problem_.laws[k];
+        const auto scale = static_cast<std::size_t>(law.first);
+        slack[k] =
+            law.slack || (group_of(problem_, law.channels.front()).slack && minimum_.error_at_floor[scale]);
+        any = any || slack[k];
+    }
+    if (!any || rank == 0) return;
+    Eigen::MatrixXd steps = Eigen::MatrixXd::Identity(rank, rank);
+    models::solve_transposed_upper_in_place(point_.triangle, steps);
+    models::solve_upper_in_place(point_.triangle, steps);
+    const BlockArrow& arrow = point_.standard.arrow;
+    const std::vector<Eigen::VectorXd> still =
+        latent_steps(arrow, point_.reduced_problem, Eigen::VectorXd::Zero(rank));
+    std::vector<std::vector<Eigen::VectorXd>> moved;
+    for (Eigen::Index j = 0; j < rank; ++j)
+        moved.push_back(latent_steps(arrow, point_.reduced_problem, steps.col(j)));
+    slack_ = Eigen::MatrixXd::Zero(rank, rank);
+    for (std::size_t b = 0; b < errors_.rows.size(); ++b) {
+        const BlockRows& rows = errors_.rows[b];
+        if (rows.linked_parts.empty()) continue;
+        const auto next = static_cast<std::size_t>(rows.next);
+        Eigen::MatrixXd step(rows.latents + rows.next_latents + rank, rank);
+        for (Eigen::Index j = 0; j < rank; ++j) {
+            const std::vector<Eigen::VectorXd>& of = moved[static_cast<std::size_t>(j)];
+            step.col(j) << of[b] - still[b], of[next] - still[next], steps.col(j);
+        }
+        const Eigen::MatrixXd at = point_.standard.linked_rows(b).leftCols(step.rows()).lazyProduct(step);
+        Eigen::Index first = 0;
+        for (const PartRows& part : rows.linked_parts) {
+            const Eigen::Index count = part.records.rows.rows() * problem_.laws[part.law].rows_per_record();
+            if (slack[part.law])
+                slack_ += at.middleRows(first, count).transpose() * at.middleRows(first, count);
+            first += count;
+        }
+    }
+    set_.spread.sum(std::span<double>(slack_.data(), static_cast<std::size_t>(slack_.size())));
+    covariance_ -= minimum_.step.decided * slack_ * minimum_.step.decided.transpose();
 }
 
 double Posterior::objective() const {
@@ -255,9 +302,10 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
     if (!(y.lpNorm<Eigen::Infinity>() > 0.0)) return result;
     Eigen::VectorXd c = y;
     models::solve_transposed_upper_in_place(point_.triangle, c);
-    double variance = c.squaredNorm();
-    if (moved_by_errors_.size() > 0) variance = direction.dot(laplace_ * direction);
-    result.laplace_sd = std::sqrt(variance);
+    double assumed = c.squaredNorm();
+    if (moved_by_errors_.size() > 0) assumed = direction.dot(laplace_ * direction);
+    result.laplace_sd = std::sqrt(assumed);
+    const double variance = slack_.size() > 0 ? std::max(0.0, assumed - y.dot(slack_ * y)) : assumed;
     if (sandwich_) {
         result.sd = std::sqrt(y.dot(sandwich_->covariance() * y));
         result.quantile = quantile_975(sandwich_->degrees_of_freedom(y));
@@ -265,12 +313,12 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
         return result;
     }
     if (widening_ > 1.0) {
-        result.sd = result.laplace_sd * std::sqrt(widening_);
+        result.sd = std::sqrt(variance * widening_);
         result.quantile = quantile_975(widened_degrees_of_freedom_);
         result.method = IntervalMethod::effective_count;
         return result;
     }
-    result.sd = result.laplace_sd;
+    result.sd = std::sqrt(variance);
     if (free_errors_.empty()) {
         result.method = IntervalMethod::normal;
         result.quantile = quantile_975(std::numeric_limits<double>::infinity());
@@ -292,7 +340,7 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
             for (Eigen::Index j = 0; j < count; ++j)
                 spread += slopes[i] * slopes[j] * errors(i, j);
         result.method = IntervalMethod::satterthwaite;
-        result.quantile = quantile_975(2.0 * variance * variance / spread);
+        result.quantile = quantile_975(2.0 * assumed * assumed / spread);
     }
     return result;
 }

@@ -52,6 +52,7 @@ public:
     [[nodiscard]] const ReducedProblem& reduced_problem() const { return reduced_problem_; }  ///< in the coordinates u
 
 private:
+    void leave_out_slack();
     void error_parameters();
     void add_error_uncertainty();
     [[nodiscard]] double constraint_term() const;
@@ -75,6 +76,7 @@ private:
     Identifiability identifiability_;
     Eigen::MatrixXd covariance_;
     Eigen::MatrixXd laplace_;
+    Eigen::MatrixXd slack_;  ///< part of the covariance of y that errors of slack records would add; empty: none
     Eigen::MatrixXd error_covariance_;
     double ln_error_determinant_ = 0.0;      ///< of the Hessian of Phi_psi over the free error parameters
     std::vector<Eigen::Index> free_errors_;  ///< estimated and not held at a limit

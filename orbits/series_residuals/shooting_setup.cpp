@@ -198,6 +198,7 @@ void ShootingResidual::make_groups() {
         group.name = fmt::format("{}.matching.{}", data.options.name, coordinate.name);
         group.unit = coordinate.unit;
         group.scale.estimate = matching_.estimate;
+        group.slack = matching_.kind == Continuity::Kind::exact || matching_.estimate;
         // Exact matching is approached with Student's t: as its sd falls below what defects need, both are the same.
         if (matching_.kind != Continuity::Kind::normal)
             group.distribution = estimator::StudentErrors{{false, matching_.dof, estimator::FlatPrior{}}};
