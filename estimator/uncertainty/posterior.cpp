@@ -244,7 +244,7 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
 }
 
 Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
-    Uncertainty result{nan_value, nan_value, nan_value, IntervalMethod::none};
+    Uncertainty result{nan_value, nan_value, nan_value, nan_value, IntervalMethod::none};
     const BoundedStep& step = minimum_.step;
     // A direction with a part that nothing decides has no sd; a combination that avoids it has one.
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
@@ -260,14 +260,19 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
     result.laplace_sd = std::sqrt(variance);
     if (sandwich_) {
         result.sd = std::sqrt(y.dot(sandwich_->covariance() * y));
-        result.quantile = quantile_975(sandwich_->degrees_of_freedom(y));
+        result.degrees_of_freedom = sandwich_->degrees_of_freedom(y);
+        result.quantile = quantile_975(result.degrees_of_freedom);
         result.method = IntervalMethod::sandwich;
         return result;
     }
-    if (widening_ > 1.0) {
-        result.sd = result.laplace_sd * std::sqrt(widening_);
-        result.quantile = quantile_975(widened_degrees_of_freedom_);
-        result.method = IntervalMethod::effective_count;
+    if (spectrum_) {
+        const ScoreSpectrum::Ratio ratio = spectrum_->along(c);
+        result.method = IntervalMethod::too_few_independent;
+        if (!ratio.enough) return result;
+        result.sd = result.laplace_sd * std::sqrt(ratio.value);
+        result.degrees_of_freedom = ratio.degrees_of_freedom;
+        result.quantile = quantile_975(result.degrees_of_freedom);
+        result.method = IntervalMethod::sandwich;
         return result;
     }
     result.sd = result.laplace_sd;
