@@ -135,6 +135,14 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
                                                          : IntervalMethod::none;
             shape.lower95 = coordinate.natural(state.psi[k] - normal_975 * own_sd);
             shape.upper95 = coordinate.natural(state.psi[k] + normal_975 * own_sd);
+            if (coordinate.kind == ErrorCoordinate::Kind::fisher && shape.interval_method == IntervalMethod::normal) {
+                const auto [lower, upper] = posterior.error_interval(k);
+                if (std::isfinite(lower) && std::isfinite(upper)) {
+                    shape.interval_method = IntervalMethod::likelihood;
+                    shape.lower95 = coordinate.natural(lower);
+                    shape.upper95 = coordinate.natural(upper);
+                }
+            }
             if (coordinate.estimate && !(own_sd > 0.0))
                 shape.at_bound =
                     state.psi[k] <= 0.5 * (coordinate.lower + coordinate.upper) ? BoundSide::lower : BoundSide::upper;

@@ -22,8 +22,9 @@ enum class EstimateStatus { converged, no_progress, iteration_limit, singular, f
 /// What an interval of 95 % rests on. In estimator/uncertainty: the normal density; t with one estimated scale;
 /// Satterthwaite's degrees of freedom with several; a sandwich (long-run variance of the scores, or blocks). Of error
 /// scales also chi squared. `fixed`: the value was given; `none`: there is no interval. `too_few_independent`: there is
-/// none because the residuals repeat each other over most of the record.
-enum class IntervalMethod { none, normal, t, satterthwaite, sandwich, too_few_independent, chi_squared, fixed };
+/// none because the residuals repeat each other over most of the record. `likelihood`: where it has fallen to that of
+/// 1.96 sds, for the correlation of autoregressive errors.
+enum class IntervalMethod { none, normal, t, satterthwaite, sandwich, too_few_independent, chi_squared, fixed, likelihood };
 [[nodiscard]] std::string_view name(IntervalMethod method);
 
 /// The bound that holds a parameter.

@@ -10,6 +10,7 @@
 
 #include "estimator/algebra/block_loop.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "estimator/uncertainty/error_interval.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 
@@ -113,6 +114,21 @@ void Posterior::error_parameters() {
     ln_error_determinant_ = definite ? pivots.array().log().sum() : nan_value;
     error_covariance_(free_errors_, free_errors_) = inverse;
     add_error_uncertainty();
+}
+
+std::pair<double, double> Posterior::error_interval(Eigen::Index k) const {
+    const double sd = std::sqrt(error_covariance_(k, k));
+    if (!(sd > 0.0) || !std::isfinite(sd)) return {nan_value, nan_value};
+    const auto count = static_cast<Eigen::Index>(problem_.errors.size());
+    Eigen::VectorXd floor(count);
+    Eigen::VectorXd ceiling(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        floor[i] = problem_.errors[static_cast<std::size_t>(i)].lower;
+        ceiling[i] = problem_.errors[static_cast<std::size_t>(i)].upper;
+    }
+    ErrorProblem followed = errors_;
+    followed.follow = Follow::all;
+    return estimator::error_interval(std::move(followed), state_.psi, k, sd, floor, ceiling);
 }
 
 /// Where theta and psi inform each other in expectation (relative errors), or where the posterior of psi is requested

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -45,6 +46,8 @@ public:
     [[nodiscard]] const std::vector<Eigen::Index>& negligible_errors() const { return negligible_errors_; }
     /// Covariance of the error parameters psi; zero rows where fixed or held at a limit.
     [[nodiscard]] const Eigen::MatrixXd& error_covariance() const { return error_covariance_; }
+    /// Interval of 95 % of an error parameter by likelihood, in psi; see error_interval(). Nan unless it is free.
+    [[nodiscard]] std::pair<double, double> error_interval(Eigen::Index k) const;
     /// Laplace's ln of the integral over all coordinates, see Estimate::log_integral.
     [[nodiscard]] double log_integral() const;
     [[nodiscard]] const std::vector<Autocorrelation>& autocorrelations() const { return autocorrelations_; }

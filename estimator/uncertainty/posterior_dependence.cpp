@@ -274,7 +274,7 @@ void Posterior::use_spectrum() {
         if (!ratio.enough)
             without += (without.empty() ? "" : ", ") + problem_.parameters[static_cast<std::size_t>(i)].name;
     }
-    Eigen::MatrixXd half = spectrum_->scatter(most);
+    Eigen::MatrixXd half = spectrum_->scatter();
     models::solve_upper_in_place(point_.triangle, half);
     half = half.transpose().eval();
     models::solve_upper_in_place(point_.triangle, half);
@@ -288,11 +288,10 @@ void Posterior::use_spectrum() {
         sandwich_note_ =
             "residuals are autocorrelated: intervals from the " + counted + " lowest frequencies of the scores";
     else
-        sandwich_note_ = "the residuals hold too few independent values for " + without + ": " + counted +
-                         " frequencies of the scores, more than the number of parameters, " +
-                         std::to_string(point_.triangle.rows()) +
-                         ", are needed; no interval. A longer record, fewer parameters, or a model that leaves less "
-                         "structure in the residuals would give one";
+        sandwich_note_ = "the residuals hold too few independent values for " + without +
+                         ": the spectrum of the scores falls from the lowest frequency on, two are needed; no "
+                         "interval. A longer record, or a model that leaves less structure in the residuals, would "
+                         "give one";
 }
 
 }  // namespace orbid::estimator

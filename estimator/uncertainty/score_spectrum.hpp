@@ -22,8 +22,8 @@ struct ScoreRows {
 /// The B lowest frequencies see neither ringing nor the shape of the correlation, only its sum; E is what independent
 /// errors of sd 1 would give for the same residuals of a fit, so that the variance is unbiased for them. With its B
 /// degrees of freedom (Satterthwaite's, where few records decide) the t interval holds for a fixed B. B is the largest,
-/// up to 48, over which an autoregression of the binned scores says that the spectrum is flat to 6 per cent. More than
-/// `rank` are needed: if these are not flat, the variance is divided by the mean shape, down to one half of it.
+/// up to 21, over which an autoregression of 64 sums of scores says that the spectrum is flat to 6 per cent. One alone is
+/// no variance.
 ///
 /// Scores of records at the same time add up. Blocks follow each other on one axis; that neighbours across a border are
 /// independent shows in the scores.
@@ -40,12 +40,12 @@ public:
         double value = 1.0;
         double degrees_of_freedom = 0.0;  ///< >= 1
         Eigen::Index frequencies = 0;     ///< B
-        bool enough = false;              ///< B is larger than the rank
+        bool enough = false;              ///< B is two or more
     };
     /// @param direction  coefficients of the sensitivities: of the combination a^T y it is R^-T a; not zero.
     [[nodiscard]] Ratio along(const Eigen::VectorXd& direction) const;
-    /// sum_j L_j L_j^T / E over the largest B of these combinations (for correlations), shape (rank, rank).
-    [[nodiscard]] Eigen::MatrixXd scatter(Eigen::Index frequencies) const;
+    /// 2 / B sum_j L_j L_j^T over more than rank frequencies (for correlations), shape (rank, rank).
+    [[nodiscard]] Eigen::MatrixXd scatter() const;
 
 private:
     [[nodiscard]] Eigen::Index most() const;

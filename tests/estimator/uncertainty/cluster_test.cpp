@@ -183,7 +183,7 @@ TEST_CASE("residuals that repeat each other all along: no interval, and the mess
     const auto result = estimator::estimate({free_parameter("slope", 0.0)}, {&residual}, {}, options);
     CAPTURE(result.message);
     REQUIRE(result.status == estimator::EstimateStatus::converged);
-    CHECK_THAT(result.message, ContainsSubstring("too few independent values for slope: 1 frequencies"));
+    CHECK_THAT(result.message, ContainsSubstring("too few independent values for slope:"));
     const auto& slope = result.parameters[0];
     CHECK(slope.interval_method == estimator::IntervalMethod::too_few_independent);
     // The offset moves the slope by 1.5, far beyond what independent errors would allow: no figure is better than that.
