@@ -134,7 +134,8 @@ std::string remarks(const estimator::Estimate& estimate, const ResultContext& co
     const auto sandwich = [](const auto& x) { return x.interval_method == estimator::IntervalMethod::sandwich; };
     if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), sandwich))
         out += "  Intervals are from a sandwich: the long-run variance of the scores, or the scatter over blocks.\n";
-    const auto widened = [](const auto& x) { return x.interval_method == estimator::IntervalMethod::too_few_independent;
+    const auto widened = [](const auto& x) {
+        return x.interval_method == estimator::IntervalMethod::too_few_independent;
     };
     if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), widened))
         out +=

@@ -24,7 +24,17 @@ enum class EstimateStatus { converged, no_progress, iteration_limit, singular, f
 /// scales also chi squared. `fixed`: the value was given; `none`: there is no interval. `too_few_independent`: there is
 /// none because the residuals repeat each other over most of the record. `likelihood`: where it has fallen to that of
 /// 1.96 sds, for the correlation of autoregressive errors.
-enum class IntervalMethod { none, normal, t, satterthwaite, sandwich, too_few_independent, chi_squared, fixed, likelihood };
+enum class IntervalMethod {
+    none,
+    normal,
+    t,
+    satterthwaite,
+    sandwich,
+    too_few_independent,
+    chi_squared,
+    fixed,
+    likelihood
+};
 [[nodiscard]] std::string_view name(IntervalMethod method);
 
 /// The bound that holds a parameter.

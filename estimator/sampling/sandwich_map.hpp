@@ -11,10 +11,10 @@ namespace orbid::estimator {
 ///
 ///     u* = u_0 + C^(1/2) H^(1/2) (u - u_0)
 ///
-/// in the coordinates u, u_0 = the estimate, C = covariance of the sandwich, H^-1 = Laplace's covariance. The draws then
-/// have the sds and correlations of the table; their shape remains. Places beyond a bound are brought back to it.
-/// Source: Ribatet, Cooley and Davison, Statist. Sinica 22 (2012) 813 (curvature adjustment), applied to the draws as by
-/// Shaby, J. Comput. Graph. Statist. 23 (2014) 853.
+/// in the coordinates u, u_0 = the estimate, C = covariance of the sandwich, H^-1 = Laplace's covariance. The draws
+/// then have the sds and correlations of the table; their shape remains. Places beyond a bound are brought back to it.
+/// Source: Ribatet, Cooley and Davison, Statist. Sinica 22 (2012) 813 (curvature adjustment), applied to the draws as
+/// by Shaby, J. Comput. Graph. Statist. 23 (2014) 853.
 class SandwichMap {
 public:
     /// @param laplace  of u, shape (parameters, parameters)

@@ -17,9 +17,9 @@ namespace orbid::estimator {
 
 /// Uncertainty of one linear combination of the parameters.
 struct Uncertainty {
-    double sd = 0.0;          ///< nan when undetermined
-    double laplace_sd = 0.0;  ///< if the errors were independent
-    double quantile = 0.0;    ///< half width of the 95 % interval in sds
+    double sd = 0.0;                  ///< nan when undetermined
+    double laplace_sd = 0.0;          ///< if the errors were independent
+    double quantile = 0.0;            ///< half width of the 95 % interval in sds
     double degrees_of_freedom = 0.0;  ///< of a sandwich; else nan
     IntervalMethod method = IntervalMethod::none;
 };
@@ -91,8 +91,8 @@ private:
     double degrees_of_freedom_ = 0.0;
     std::vector<Autocorrelation> autocorrelations_;  ///< per channel
     std::vector<Autocorrelation> unexplained_;       ///< per channel: of innovations where errors are autoregressive
-    std::unique_ptr<Sandwich> sandwich_;       ///< over blocks, where asked for
-    std::unique_ptr<ScoreSpectrum> spectrum_;  ///< where records are correlated beyond what the error model says
+    std::unique_ptr<Sandwich> sandwich_;             ///< over blocks, where asked for
+    std::unique_ptr<ScoreSpectrum> spectrum_;        ///< where records are correlated beyond what the error model says
     std::string sandwich_note_;
     std::vector<Eigen::VectorXd> latent_sds_;
 };

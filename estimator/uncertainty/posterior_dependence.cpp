@@ -226,8 +226,8 @@ std::vector<ScoreRows> Posterior::score_rows(double& length) const {
             const Eigen::MatrixXd& next = moves[static_cast<std::size_t>(rows[b].next)];
             Eigen::MatrixXd both(moves[b].rows() + next.rows(), rank);
             both << moves[b], next;
-            add(standard_rows(rows[b].linked_parts, problem_.laws, state_.psi, Curvature::expected),
-                block.linked_parts, both, false);
+            add(standard_rows(rows[b].linked_parts, problem_.laws, state_.psi, Curvature::expected), block.linked_parts,
+                both, false);
         }
     return result;
 }

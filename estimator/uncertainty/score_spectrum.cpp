@@ -77,8 +77,7 @@ ScoreSpectrum::Ratio ScoreSpectrum::along(const Eigen::VectorXd& direction) cons
             coefficients.noalias() += x.transpose() * block.residual.segment(first, here);
             expected.noalias() += (block.latent.cols() > 0 ? 1.0 : left_) * (x.transpose() * x);
             fitted.noalias() += own.transpose() * x;
-            if (block.latent.cols() > 0)
-                absorbed.noalias() += block.latent.middleRows(first, here).transpose() * x;
+            if (block.latent.cols() > 0) absorbed.noalias() += block.latent.middleRows(first, here).transpose() * x;
         }
         expected.noalias() -= absorbed.transpose() * absorbed;
     }
@@ -90,8 +89,7 @@ ScoreSpectrum::Ratio ScoreSpectrum::along(const Eigen::VectorXd& direction) cons
         return result;
     }
     result.value = coefficients.squaredNorm() / trace;
-    result.degrees_of_freedom =
-        std::clamp(trace * trace / expected.squaredNorm(), 1.0, static_cast<double>(count));
+    result.degrees_of_freedom = std::clamp(trace * trace / expected.squaredNorm(), 1.0, static_cast<double>(count));
     return result;
 }
 
@@ -101,9 +99,9 @@ Eigen::MatrixXd ScoreSpectrum::scatter() const {
     for (const ScoreRows& block : blocks_)
         for (Eigen::Index first = 0; first < block.residual.size(); first += rows_at_once) {
             const Eigen::Index here = std::min(rows_at_once, block.residual.size() - first);
-            coefficients.noalias() += block.sensitivity.middleRows(first, here).transpose() *
-                                      (block.residual.segment(first, here).asDiagonal() *
-                                       cosines(block, first, here, frequencies));
+            coefficients.noalias() +=
+                block.sensitivity.middleRows(first, here).transpose() *
+                (block.residual.segment(first, here).asDiagonal() * cosines(block, first, here, frequencies));
         }
     return 2.0 / static_cast<double>(frequencies) * (coefficients * coefficients.transpose());
 }

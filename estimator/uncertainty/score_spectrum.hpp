@@ -17,13 +17,14 @@ struct ScoreRows {
 
 /// Covariance of the determined parameters from the long-run variance of their scores, whatever the correlation.
 ///
-///     S(t) = sensitivity^T residual,   L_j = sum_t cos(pi j t / T) S(t),   V = R^-1 [ sum_{j <= B} L_j L_j^T / E ] R^-T
+///     S(t) = sensitivity^T residual,   L_j = sum_t cos(pi j t / T) S(t),   V = R^-1 [ sum_{j <= B} L_j L_j^T / E ]
+///     R^-T
 ///
 /// The B lowest frequencies see neither ringing nor the shape of the correlation, only its sum; E is what independent
 /// errors of sd 1 would give for the same residuals of a fit, so that the variance is unbiased for them. With its B
 /// degrees of freedom (Satterthwaite's, where few records decide) the t interval holds for a fixed B. B is the largest,
-/// up to 21, over which an autoregression of 64 sums of scores says that the spectrum is flat to 6 per cent. One alone is
-/// no variance.
+/// up to 21, over which an autoregression of 64 sums of scores says that the spectrum is flat to 6 per cent. One alone
+/// is no variance.
 ///
 /// Scores of records at the same time add up. Blocks follow each other on one axis; that neighbours across a border are
 /// independent shows in the scores.

@@ -88,7 +88,8 @@ TEST_CASE("spectral shape: autoregressions in closed form", "[estimator]") {
         double sum = 0.0;
         for (Eigen::Index j = 1; j <= n / 40; ++j) {
             const std::complex<double> step = std::polar(1.0, -std::numbers::pi * static_cast<double>(j) / n);
-            sum += 1.0 / process.long_run_variance() / std::norm(1.0 - process.first * step - process.second * step * step);
+            sum += 1.0 / process.long_run_variance() /
+                   std::norm(1.0 - process.first * step - process.second * step * step);
             // sd of a coefficient at most 1 / sqrt(n) = 0.0022; of 1 - phi = 0.1 four of them are 10 per cent.
             if (j % 500 == 0)
                 CHECK_THAT(shape[static_cast<std::size_t>(j - 1)], WithinRel(sum / static_cast<double>(j), 0.1));
@@ -115,7 +116,8 @@ TEST_CASE("long-run variance: autoregression, ringing and moving average in clos
 }
 
 TEST_CASE("long-run variance of independent errors: no bias, degrees of freedom written with records", "[estimator]") {
-    // 7 steps of 9 records each leave two frequencies whatever the scores; one parameter and one latent state are fitted.
+    // 7 steps of 9 records each leave two frequencies whatever the scores; one parameter and one latent state are
+    // fitted.
     constexpr Eigen::Index n = 63;
     std::mt19937_64 generator(3);
     std::normal_distribution<double> normal;
@@ -134,8 +136,7 @@ TEST_CASE("long-run variance of independent errors: no bias, degrees of freedom 
         const auto ratio = spectrum.along(Eigen::VectorXd::Constant(1, 1.7));
         REQUIRE(ratio.frequencies == 2);
         CHECK(ratio.enough);
-        CHECK_THAT(ratio.value,
-                   WithinRel((weights.transpose() * rest.col(i)).squaredNorm() / expected.trace(), 1e-10));
+        CHECK_THAT(ratio.value, WithinRel((weights.transpose() * rest.col(i)).squaredNorm() / expected.trace(), 1e-10));
         CHECK_THAT(ratio.degrees_of_freedom,
                    WithinRel(expected.trace() * expected.trace() / expected.squaredNorm(), 1e-10));
         sum += ratio.value;
