@@ -20,6 +20,8 @@ constexpr Eigen::Index bins_per_frequency = 3;
 constexpr double flat = 0.06;
 /// One frequency has the quantile 12.7: an interval that says nothing.
 constexpr Eigen::Index least_frequencies = 2;
+/// Two are taken where the autoregression, which errs itself, says that less than half of the variance would be lost.
+constexpr double least_shape = 0.5;
 /// Rows at a time: their cosines stay in the cache.
 constexpr Eigen::Index rows_at_once = 1024;
 
@@ -62,6 +64,9 @@ ScoreSpectrum::Ratio ScoreSpectrum::along(const Eigen::VectorXd& direction) cons
     const std::vector<double> shape = spectral_shape(binned_.transpose() * direction, most());
     Ratio result;
     result.frequencies = flat_frequencies(shape, flat);
+    if (result.frequencies < least_frequencies && shape.size() >= static_cast<std::size_t>(least_frequencies) &&
+        shape[least_frequencies - 1] >= least_shape)
+        result.frequencies = least_frequencies;
     result.enough = result.frequencies >= least_frequencies;
 
     const Eigen::Index count = result.frequencies;

@@ -151,17 +151,19 @@ TEST_CASE("intervals cover with ringing and with persistent errors", "[estimator
     for (const Process& process : {ringing, Process{"first order", 0.8, 0.0, 0.0}}) {
         int covered = 0;
         int naive = 0;
+        int without = 0;
         for (unsigned run = 0; run < 400; ++run) {
             const Line line(process, 600, 100 + run);
             estimator::EstimateOptions options;
             options.verdict = false;
             const auto result = estimator::estimate(line.parameters, {&line.residual}, {}, options);
             const auto& b = result.parameters[1];
-            REQUIRE(b.interval_method == estimator::IntervalMethod::sandwich);
+            if (b.interval_method == estimator::IntervalMethod::too_few_independent) ++without;
             if (b.lower95 <= 2.0 && 2.0 <= b.upper95) ++covered;
             if (std::abs(b.value - 2.0) <= 1.96 * b.laplace_sd) ++naive;
         }
-        CAPTURE(process.name, covered, naive);
+        CAPTURE(process.name, covered, naive, without);
+        CHECK(without <= 4);
         CHECK(covered >= 359);
         CHECK(covered <= 397);
         // Ringing errors cancel (narrower by seven), persistent ones add up (wider by three).
