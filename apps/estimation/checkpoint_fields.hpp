@@ -37,18 +37,18 @@ void transfer_name(apps::Archive& archive, Enumerator& value, Enumerator last) {
 }
 
 inline void fields(apps::Archive& archive, Estimated& value) {
-    auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share] = value;
+    auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share, degrees_of_freedom] = value;
     archive(name, unit, at, start, sd, lower95, upper95);
-    transfer_name(archive, method, IntervalMethod::fixed);
+    transfer_name(archive, method, IntervalMethod::likelihood);
     transfer_name(archive, bound, BoundSide::upper);
-    archive(laplace_sd, share);
+    archive(laplace_sd, share, degrees_of_freedom);
 }
 
 inline void fields(apps::Archive& archive, EstimatedScale& value) {
     auto& [group, unit, factor, estimated, at, uncertainty, lower95, upper95, method, count, rms, lag1, records,
            effective, distribution, shape] = value;
     archive(group, unit, factor, estimated, at, uncertainty, lower95, upper95);
-    transfer_name(archive, method, IntervalMethod::fixed);
+    transfer_name(archive, method, IntervalMethod::likelihood);
     archive(count, rms, lag1, records, effective, distribution, shape);
 }
 

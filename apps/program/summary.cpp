@@ -133,12 +133,14 @@ std::string remarks(const estimator::Estimate& estimate, const ResultContext& co
     }
     const auto sandwich = [](const auto& x) { return x.interval_method == estimator::IntervalMethod::sandwich; };
     if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), sandwich))
-        out += "  Intervals are from a sandwich over blocks longer than the correlation time.\n";
-    const auto widened = [](const auto& x) { return x.interval_method == estimator::IntervalMethod::effective_count; };
+        out += "  Intervals are from a sandwich: the long-run variance of the scores, or the scatter over blocks.\n";
+    const auto widened = [](const auto& x) {
+        return x.interval_method == estimator::IntervalMethod::too_few_independent;
+    };
     if (std::any_of(estimate.parameters.begin(), estimate.parameters.end(), widened))
         out +=
-            "  The residuals repeat each other over most of a record: intervals are widened to what the independent\n"
-            "  records among them are worth, and only as good as that guess. The model misses something.\n";
+            "  The residuals repeat each other over most of the record: too few independent values are left for an\n"
+            "  interval where none is given. The model misses something, or the record is too short for it.\n";
     if (!estimate.trust_normal)
         out += fmt::format(
             "  The normal approximation of the posterior is doubtful{}{}:\n"

@@ -32,6 +32,7 @@ void fill_parameters(const Problem& problem, const State& state, const Minimum& 
         if (side != 0) result.at_bound = side < 0 ? BoundSide::lower : BoundSide::upper;
         const Uncertainty uncertainty = posterior.along(Eigen::VectorXd::Unit(q, i));
         result.interval_method = uncertainty.method;
+        result.interval_degrees_of_freedom = uncertainty.degrees_of_freedom;
         result.sd = uncertainty.sd * slope[i];
         result.laplace_sd = uncertainty.laplace_sd * slope[i];
         result.lower95 = coordinate.natural(state.u[i] - uncertainty.quantile * uncertainty.sd);
@@ -73,6 +74,7 @@ void fill_derived(const Problem& problem, const State& state, const Posterior& p
         result.sd = uncertainty.sd;
         result.laplace_sd = uncertainty.laplace_sd;
         result.interval_method = uncertainty.method;
+        result.interval_degrees_of_freedom = uncertainty.degrees_of_freedom;
         result.lower95 = result.value - uncertainty.quantile * uncertainty.sd;
         result.upper95 = result.value + uncertainty.quantile * uncertainty.sd;
         estimate.derived.push_back(std::move(result));
@@ -133,6 +135,14 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
                                                          : IntervalMethod::none;
             shape.lower95 = coordinate.natural(state.psi[k] - normal_975 * own_sd);
             shape.upper95 = coordinate.natural(state.psi[k] + normal_975 * own_sd);
+            if (coordinate.kind == ErrorCoordinate::Kind::fisher && shape.interval_method == IntervalMethod::normal) {
+                const auto [lower, upper] = posterior.error_interval(k);
+                if (std::isfinite(lower) && std::isfinite(upper)) {
+                    shape.interval_method = IntervalMethod::likelihood;
+                    shape.lower95 = coordinate.natural(lower);
+                    shape.upper95 = coordinate.natural(upper);
+                }
+            }
             if (coordinate.estimate && !(own_sd > 0.0))
                 shape.at_bound =
                     state.psi[k] <= 0.5 * (coordinate.lower + coordinate.upper) ? BoundSide::lower : BoundSide::upper;

@@ -10,6 +10,7 @@
 #include "estimator/errors/noise_model.hpp"
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/interface/mapped_residual.hpp"
+#include "estimator/interface/not_finite.hpp"
 #include "estimator/problem/coordinate.hpp"
 #include "estimator/problem/tie.hpp"
 
@@ -30,6 +31,10 @@ struct Unknown {
     double lower = 0.0;           ///< limits of u, may be infinite
     double upper = 0.0;
     double natural_lower = 0.0;  ///< of the same limits
+    /// sd of the estimate's sandwich over Laplace's; 1 without one. The objective divided by its square is adjusted.
+    double widening = 1.0;
+    double degrees_of_freedom = nan_value;  ///< of the sandwich; nan without one
+    bool too_few_independent = false;       ///< the estimate says that the record has no interval for it
     double natural_upper = 0.0;
 };
 

@@ -65,7 +65,7 @@ std::optional<MarginalNode> Grid::at(double u, const ConditionalStart& from, int
         const ConditionalEstimate found = conditional.at(unknown, u, start, estimate.variance, full_hessian);
         evaluations += found.evaluations;
         if (!found.good()) return std::nullopt;
-        return MarginalNode{u, found.log_integral + prior, found.at};
+        return MarginalNode{u, (found.log_integral + prior) / (unknown.widening * unknown.widening), found.at};
     };
     if (auto node = attempt(conditional.moved(from, unknown, u))) return node;
     return attempt(conditional.moved(conditional.start(), unknown, u));
@@ -73,7 +73,7 @@ std::optional<MarginalNode> Grid::at(double u, const ConditionalStart& from, int
 
 MarginalSide Grid::walk(const MarginalNode& centre, int direction) const {
     MarginalSide side;
-    const double sd = unknown.sd > 0.0 ? unknown.sd : 0.1 * unknown.size;
+    const double sd = unknown.widening * (unknown.sd > 0.0 ? unknown.sd : 0.1 * unknown.size);
     const double limit = direction < 0 ? unknown.lower : unknown.upper;
     double step = options.step * sd;
     double highest = centre.log_density;
@@ -172,6 +172,11 @@ Marginal marginal_of(const Conditional& conditional, const Unknown& unknown, con
     const Grid grid{conditional, unknown, estimate, options, full_hessian};
     if (!std::isfinite(unknown.u)) {
         result.message = "the estimate is at an end that its scale never reaches";
+        return result;
+    }
+    if (unknown.too_few_independent) {
+        result.lower_end = result.upper_end = MarginalEnd::reach;
+        result.message = "the residuals hold too few independent values for a density";
         return result;
     }
     if (estimate.interrupted && estimate.interrupted()) {

@@ -37,39 +37,53 @@ struct Threshold {
     std::string method = "profile chi2";
 };
 
-/// See profiles(). Degrees of freedom are the estimate's own.
-Threshold threshold_of(const Conditional& conditional, const Unknown& unknown,
-                       const std::vector<const Residual*>& residuals, const Estimate& estimate, double level) {
-    const boost::math::chi_squared_distribution<double> chi(1.0);
-    const Threshold plain{boost::math::quantile(chi, level), "profile chi2"};
+/// Number of determined parameters if the scale of all records is the only error parameter, normal and flat; else 0.
+double determined_with_one_scale(const Conditional& conditional, const std::vector<const Residual*>& residuals,
+                                 const Estimate& estimate) {
     int scales = 0;
     std::size_t covered = 0;
     std::size_t all = 0;
-    for (const Unknown& other : conditional.unknowns())
-        if (other.parameter < 0) {
-            if (other.error != "scale") return plain;
-            ++scales;
-        }
+    double determined = 0.0;
+    for (const Unknown& other : conditional.unknowns()) {
+        if (other.parameter >= 0 && std::isfinite(other.sd)) determined += 1.0;
+        if (other.parameter >= 0) continue;
+        if (other.error != "scale") return 0.0;
+        ++scales;
+    }
     for (const Residual* residual : residuals) {
-        if (!residual->covariances().empty()) return plain;
+        if (!residual->covariances().empty()) return 0.0;
         for (const Group& group : residual->groups())
             if (group.scale.estimate &&
                 (is_proper(group.scale.prior) || !std::holds_alternative<NormalErrors>(group.distribution)))
-                return plain;
+                return 0.0;
     }
     for (const EstimatedScale& scale : estimate.scales) {
         all += scale.count;
         if (scale.estimated) covered += scale.count;
     }
-    if (scales != 1 || covered != all || unknown.parameter < 0) return plain;
-    double determined = 0.0;
-    for (const Unknown& other : conditional.unknowns())
-        if (other.parameter >= 0 && std::isfinite(other.sd)) determined += 1.0;
+    return scales == 1 && covered == all && estimate.degrees_of_freedom > 0.0 ? determined : 0.0;
+}
+
+/// See profiles(). Degrees of freedom are the estimate's own.
+Threshold threshold_of(const Conditional& conditional, const Unknown& unknown,
+                       const std::vector<const Residual*>& residuals, const Estimate& estimate, double level) {
+    using Student = boost::math::students_t_distribution<double>;
+    const double upper = 0.5 + 0.5 * level;
+    const double determined = determined_with_one_scale(conditional, residuals, estimate);
+    const bool one_scale = determined > 0.0 && unknown.parameter >= 0;
     const double dof = estimate.degrees_of_freedom;
-    if (!(dof > 0.0)) return plain;
-    const boost::math::students_t_distribution<double> student(dof);
-    const double t = boost::math::quantile(student, 0.5 + 0.5 * level);
-    return {(dof + determined) * std::log1p(t * t / dof), "profile t"};
+    Threshold result;
+    double square = boost::math::quantile(boost::math::chi_squared_distribution<double>(1.0), level);
+    if (std::isfinite(unknown.degrees_of_freedom)) {
+        square = std::pow(unknown.widening * boost::math::quantile(Student(unknown.degrees_of_freedom), upper), 2);
+        result.method = "profile sandwich";
+    } else if (one_scale) {
+        square = std::pow(boost::math::quantile(Student(dof), upper), 2);
+        result.method = "profile t";
+    }
+    // The scale takes part of the deviance: what is t^2 at the estimate's scale is less where it follows.
+    result.value = one_scale ? (dof + determined) * std::log1p(square / dof) : square;
+    return result;
 }
 
 /// The minimum of the profile itself, from which restricted error parameters differ a little; none: it says why.
@@ -146,10 +160,17 @@ Profile profile_of(const Conditional& conditional, const Unknown& unknown, const
         result.message = "the estimate is at an end that its scale never reaches";
         return result;
     }
+    if (unknown.too_few_independent) {
+        result.lower_end = result.upper_end = ProfileEnd::open;
+        result.message = "the residuals hold too few independent values for an interval";
+        return result;
+    }
     const std::optional<ProfileNode> centre = minimum_of(conditional, unknown, result);
     if (!centre) return result;
-    ProfileWalk down(conditional, unknown, estimate, options, *centre, threshold.value, -1);
-    ProfileWalk up(conditional, unknown, estimate, options, *centre, threshold.value, 1);
+    ProfileOptions adjusted = options;
+    adjusted.reach *= std::max(1.0, unknown.widening);
+    ProfileWalk down(conditional, unknown, estimate, adjusted, *centre, threshold.value, -1);
+    ProfileWalk up(conditional, unknown, estimate, adjusted, *centre, threshold.value, 1);
     const auto go = [](ProfileWalk& walk) {
         walk.find_end();
         walk.draw_curve();

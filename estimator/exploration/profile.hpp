@@ -49,7 +49,7 @@ struct Profile {
     ProfileEnd lower_end = ProfileEnd::found;
     ProfileEnd upper_end = ProfileEnd::found;
     double threshold = 0.0;            ///< of 2 (objective - minimum)
-    std::string method;                ///< "profile t" or "profile chi2"
+    std::string method;                ///< "profile t", "profile chi2" or "profile sandwich"
     std::vector<ProfilePoint> points;  ///< ascending, the estimate among them
     std::vector<double> failed;        ///< values at which the minimisation failed, ascending
     /// objective of the minimum of the profile below that of the estimate: > 0 when a better minimum was met
@@ -64,13 +64,16 @@ struct Profile {
 ///
 /// One scale unknown, everything else normal and flat: m ln(1 + t^2 / nu), exact for linear models. Here t is the
 /// quantile of Student's t with nu = n - q degrees of freedom and m = nu + number of determined parameters. Otherwise
-/// chi-squared with one degree of freedom. The ends come from the signed root, nearly linear in u: secant steps kept in
-/// a bracket, each minimisation started from its neighbour. Unknowns and sides are computed in parallel; the same
-/// result for any number of threads.
+/// chi-squared with one degree of freedom. Where the interval of the estimate is from a sandwich, t is
+/// that of its degrees of freedom times sd / laplace_sd, which stands for the objective divided by its square: table
+/// and profile agree. An unknown for which the estimate has too few independent values has no profile. The ends come
+/// from the signed root, nearly linear in u: secant steps kept in a bracket, each minimisation started from its
+/// neighbour. Unknowns and sides are computed in parallel; the same result for any number of threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.
 /// @throws models::DataError for names of what is not estimated
 /// @throws std::invalid_argument for options out of range, an estimate that failed or is of other parameters
-/// Source: Bates and Watts, Nonlinear regression analysis (1988), section 6.1.
+/// Source: Bates and Watts, Nonlinear regression analysis (1988), section 6.1; the adjustment: Pauli, Racugno and
+/// Ventura, Statist. Sinica 21 (2011) 149.
 [[nodiscard]] std::vector<Profile> profiles(const std::vector<FreeParameter>& parameters,
                                             const std::vector<const Residual*>& residuals,
                                             const EstimateOptions& options, const Estimate& estimate,

@@ -10,8 +10,8 @@ std::string_view name(EstimateStatus status) {
 }
 
 std::string_view name(IntervalMethod method) {
-    constexpr std::array names{"none",     "normal",          "t",           "satterthwaite",
-                               "sandwich", "effective_count", "chi_squared", "fixed"};
+    constexpr std::array names{"none",        "normal", "t",         "satterthwaite", "sandwich", "too_few_independent",
+                               "chi_squared", "fixed",  "likelihood"};
     return names[static_cast<std::size_t>(method)];
 }
 

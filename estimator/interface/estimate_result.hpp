@@ -20,9 +20,21 @@ enum class EstimateStatus { converged, no_progress, iteration_limit, singular, f
 [[nodiscard]] std::string_view name(EstimateStatus status);
 
 /// What an interval of 95 % rests on. In estimator/uncertainty: the normal density; t with one estimated scale;
-/// Satterthwaite's degrees of freedom with several; a sandwich over blocks; an effective number of records. Of error
-/// scales also chi squared. `fixed`: the value was given; `none`: there is no interval.
-enum class IntervalMethod { none, normal, t, satterthwaite, sandwich, effective_count, chi_squared, fixed };
+/// Satterthwaite's degrees of freedom with several; a sandwich (long-run variance of the scores, or blocks). Of error
+/// scales also chi squared. `fixed`: the value was given; `none`: there is no interval. `too_few_independent`: there is
+/// none because the residuals repeat each other over most of the record. `likelihood`: where it has fallen to that of
+/// 1.96 sds, for the correlation of autoregressive errors.
+enum class IntervalMethod {
+    none,
+    normal,
+    t,
+    satterthwaite,
+    sandwich,
+    too_few_independent,
+    chi_squared,
+    fixed,
+    likelihood
+};
 [[nodiscard]] std::string_view name(IntervalMethod method);
 
 /// The bound that holds a parameter.
@@ -41,11 +53,13 @@ struct Estimated {
     double upper95 = 0.0;
     IntervalMethod interval_method = IntervalMethod::none;
     BoundSide at_bound = BoundSide::none;
-    /// sd if the errors were independent; equal to sd unless interval_method is sandwich or effective_count
+    /// sd if the errors were independent; equal to sd unless interval_method is sandwich
     double laplace_sd = 0.0;
     /// Share of the posterior information on this parameter that comes from the data, in [0, 1]; 0 = from the prior
     /// alone.
     double data_share = 1.0;
+    /// Of the t quantile of a sandwich's interval; nan otherwise.
+    double interval_degrees_of_freedom = std::numeric_limits<double>::quiet_NaN();
 };
 
 struct EstimatedScale {

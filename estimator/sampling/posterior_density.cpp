@@ -114,6 +114,15 @@ PosteriorDensity::PosteriorDensity(const Problem& problem, const BlockSet& set, 
     covariance_ = inverse(h);
 }
 
+Eigen::MatrixXd PosteriorDensity::parameter_covariance() const {
+    if (covariance_.size() == 0) return {};
+    const Eigen::Index q = parameters();
+    Eigen::VectorXd slope(q);
+    for (Eigen::Index i = 0; i < q; ++i)
+        slope[i] = map(i)->slope(start_[i]);
+    return slope.asDiagonal() * covariance_.topLeftCorner(q, q) * slope.asDiagonal();
+}
+
 /// The map of coordinate i of x; null for a latent state.
 const UnboundedCoordinate* PosteriorDensity::map(Eigen::Index i) const {
     if (i < parameters()) return &parameter_maps_[static_cast<std::size_t>(i)];

@@ -45,6 +45,8 @@ public:
     /// curvature, error parameters by differences of the gradient. Positive definite. Empty if nothing can be evaluated
     /// there.
     [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }
+    /// Its part of the parameters in u; empty as well.
+    [[nodiscard]] Eigen::MatrixXd parameter_covariance() const;
 
 private:
     [[nodiscard]] Eigen::Index parameters() const { return static_cast<Eigen::Index>(problem_.parameters.size()); }

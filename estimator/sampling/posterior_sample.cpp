@@ -11,6 +11,7 @@
 #include "estimator/sampling/chain_diagnostic.hpp"
 #include "estimator/sampling/improper_posterior.hpp"
 #include "estimator/sampling/posterior_density.hpp"
+#include "estimator/sampling/sandwich_map.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/definition/wrong_data.hpp"
 
@@ -58,6 +59,7 @@ struct Shown {
     const Problem& problem;
     const PosteriorDensity& density;
     const std::vector<DerivedQuantity>& derived;
+    const SandwichMap& adjusted;
 
     void name(PosteriorSample& sample) const {
         for (const FreeParameter& parameter : problem.parameters)
@@ -86,7 +88,8 @@ struct Shown {
     }
 
     [[nodiscard]] std::vector<double> values(const Eigen::VectorXd& x) const {
-        const PosteriorPlace place = density.place(x);
+        PosteriorPlace place = density.place(x);
+        place.u = adjusted(place.u);
         const Eigen::VectorXd theta = density.natural(place);
         std::vector<double> result(theta.begin(), theta.end());
         for (const DerivedQuantity& one : derived)
@@ -261,7 +264,8 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
     const PosteriorDensity density(problem, set, place_of(problem, start));
 
     PosteriorSample sample;
-    const Shown shown{problem, density, derived};
+    const SandwichMap adjusted(problem, start, density.parameter_covariance());
+    const Shown shown{problem, density, derived, adjusted};
     shown.name(sample);
     if (density.dimension() == 0 || density.covariance().size() == 0) {
         if (parameters.empty() && set.latents == 0 && sample.errors.empty())
@@ -294,6 +298,7 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
         potential.col(c) = sample.potential[static_cast<std::size_t>(c)];
     verdict.look("the density", potential);
     judge(sample, verdict);
+    if (adjusted.moves()) sample.message += "; draws of the parameters are moved to the covariance of the sandwich";
     return sample;
 }
 

@@ -10,6 +10,7 @@
 
 #include "estimator/algebra/block_loop.hpp"
 #include "estimator/interface/not_finite.hpp"
+#include "estimator/uncertainty/error_interval.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 
@@ -114,6 +115,21 @@ void Posterior::error_parameters() {
     ln_error_determinant_ = definite ? pivots.array().log().sum() : nan_value;
     error_covariance_(free_errors_, free_errors_) = inverse;
     add_error_uncertainty();
+}
+
+std::pair<double, double> Posterior::error_interval(Eigen::Index k) const {
+    const double sd = std::sqrt(error_covariance_(k, k));
+    if (!(sd > 0.0) || !std::isfinite(sd)) return {nan_value, nan_value};
+    const auto count = static_cast<Eigen::Index>(problem_.errors.size());
+    Eigen::VectorXd floor(count);
+    Eigen::VectorXd ceiling(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        floor[i] = problem_.errors[static_cast<std::size_t>(i)].lower;
+        ceiling[i] = problem_.errors[static_cast<std::size_t>(i)].upper;
+    }
+    ErrorProblem followed = errors_;
+    followed.follow = Follow::all;
+    return estimator::error_interval(std::move(followed), state_.psi, k, sd, floor, ceiling);
 }
 
 /// Where theta and psi inform each other in expectation (relative errors), or where the posterior of psi is requested
@@ -291,7 +307,7 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
 }
 
 Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
-    Uncertainty result{nan_value, nan_value, nan_value, IntervalMethod::none};
+    Uncertainty result{nan_value, nan_value, nan_value, nan_value, IntervalMethod::none};
     const BoundedStep& step = minimum_.step;
     // A direction with a part that nothing decides has no sd; a combination that avoids it has one.
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
@@ -308,14 +324,19 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
     const double variance = slack_.size() > 0 ? std::max(0.0, assumed - y.dot(slack_ * y)) : assumed;
     if (sandwich_) {
         result.sd = std::sqrt(y.dot(sandwich_->covariance() * y));
-        result.quantile = quantile_975(sandwich_->degrees_of_freedom(y));
+        result.degrees_of_freedom = sandwich_->degrees_of_freedom(y);
+        result.quantile = quantile_975(result.degrees_of_freedom);
         result.method = IntervalMethod::sandwich;
         return result;
     }
-    if (widening_ > 1.0) {
-        result.sd = std::sqrt(variance * widening_);
-        result.quantile = quantile_975(widened_degrees_of_freedom_);
-        result.method = IntervalMethod::effective_count;
+    if (spectrum_) {
+        const ScoreSpectrum::Ratio ratio = spectrum_->along(c);
+        result.method = IntervalMethod::too_few_independent;
+        if (!ratio.enough) return result;
+        result.sd = std::sqrt(variance * ratio.value);
+        result.degrees_of_freedom = ratio.degrees_of_freedom;
+        result.quantile = quantile_975(result.degrees_of_freedom);
+        result.method = IntervalMethod::sandwich;
         return result;
     }
     result.sd = std::sqrt(variance);

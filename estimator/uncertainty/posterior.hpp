@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -10,14 +11,16 @@
 #include "estimator/uncertainty/autocorrelation.hpp"
 #include "estimator/uncertainty/identifiability.hpp"
 #include "estimator/uncertainty/sandwich.hpp"
+#include "estimator/uncertainty/score_spectrum.hpp"
 
 namespace orbid::estimator {
 
 /// Uncertainty of one linear combination of the parameters.
 struct Uncertainty {
-    double sd = 0.0;          ///< nan when undetermined
-    double laplace_sd = 0.0;  ///< if the errors were independent
-    double quantile = 0.0;    ///< half width of the 95 % interval in sds
+    double sd = 0.0;                  ///< nan when undetermined
+    double laplace_sd = 0.0;          ///< if the errors were independent
+    double quantile = 0.0;            ///< half width of the 95 % interval in sds
+    double degrees_of_freedom = 0.0;  ///< of a sandwich; else nan
     IntervalMethod method = IntervalMethod::none;
 };
 
@@ -43,6 +46,8 @@ public:
     [[nodiscard]] const std::vector<Eigen::Index>& negligible_errors() const { return negligible_errors_; }
     /// Covariance of the error parameters psi; zero rows where fixed or held at a limit.
     [[nodiscard]] const Eigen::MatrixXd& error_covariance() const { return error_covariance_; }
+    /// Interval of 95 % of an error parameter by likelihood, in psi; see error_interval(). Nan unless it is free.
+    [[nodiscard]] std::pair<double, double> error_interval(Eigen::Index k) const;
     /// Laplace's ln of the integral over all coordinates, see Estimate::log_integral.
     [[nodiscard]] double log_integral() const;
     [[nodiscard]] const std::vector<Autocorrelation>& autocorrelations() const { return autocorrelations_; }
@@ -59,10 +64,12 @@ private:
     void look_for_autocorrelation();
     [[nodiscard]] std::vector<Eigen::VectorXd> innovations(int channel) const;
     void make_sandwich();
-    void widen(std::size_t clusters);
-    [[nodiscard]] double longest_correlation() const;
-    void widen_along_chains();
-    double correlated_clusters(std::vector<std::vector<int>>& clusters) const;
+    void make_block_sandwich();
+    [[nodiscard]] bool residuals_correlated() const;
+    [[nodiscard]] std::vector<ScoreRows> score_rows(double& length) const;
+    [[nodiscard]] bool scores_correlated(const ScoreSpectrum& spectrum) const;
+    void use_spectrum();
+    [[nodiscard]] Eigen::VectorXd score_direction(const Eigen::VectorXd& direction) const;
     [[nodiscard]] Eigen::VectorXd variance_slopes(const Eigen::VectorXd& y) const;
 
     const Problem& problem_;
@@ -86,10 +93,9 @@ private:
     double degrees_of_freedom_ = 0.0;
     std::vector<Autocorrelation> autocorrelations_;  ///< per channel
     std::vector<Autocorrelation> unexplained_;       ///< per channel: of innovations where errors are autoregressive
-    std::unique_ptr<Sandwich> sandwich_;
+    std::unique_ptr<Sandwich> sandwich_;             ///< over blocks, where asked for
+    std::unique_ptr<ScoreSpectrum> spectrum_;        ///< where records are correlated beyond what the error model says
     std::string sandwich_note_;
-    double widening_ = 1.0;  ///< on variances, where autocorrelation leaves too few clusters for a sandwich
-    double widened_degrees_of_freedom_ = 0.0;
     std::vector<Eigen::VectorXd> latent_sds_;
 };
 

@@ -1,8 +1,13 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <string>
 
+#include <boost/math/distributions/chi_squared.hpp>
+
 #include "estimator/uncertainty/posterior.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -26,6 +31,61 @@ std::vector<std::vector<std::size_t>> rows_of_blocks(const BlockSet& set) {
             }
         }
     return rows;
+}
+
+/// Where the latent states go per unit of each determined parameter, per block of shape (latents, rank).
+std::vector<Eigen::MatrixXd> latent_moves(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
+                                          Eigen::Index rank) {
+    const std::vector<Eigen::VectorXd> still = latent_steps(arrow, reduced_problem, Eigen::VectorXd::Zero(rank));
+    std::vector<Eigen::MatrixXd> moves;
+    for (const Eigen::VectorXd& z : still)
+        moves.emplace_back(z.size(), rank);
+    for (Eigen::Index k = 0; k < rank; ++k) {
+        const std::vector<Eigen::VectorXd> moved = latent_steps(arrow, reduced_problem, Eigen::VectorXd::Unit(rank, k));
+        for (std::size_t b = 0; b < moves.size(); ++b)
+            moves[b].col(k) = moved[b] - still[b];
+    }
+    return moves;
+}
+
+/// Times of a block's records from `start`, which moves to its end: channels are aligned, the longest counts.
+Eigen::VectorXd record_times(const std::vector<int>& channel, double& start) {
+    std::map<int, double> total;
+    double most = 0.0;
+    for (const int c : channel)
+        most = std::max(most, total[c] += 1.0);
+    std::map<int, double> seen;
+    Eigen::VectorXd time(static_cast<Eigen::Index>(channel.size()));
+    for (std::size_t i = 0; i < channel.size(); ++i) {
+        const int c = channel[i];
+        time[static_cast<Eigen::Index>(i)] = start + (seen[c] + 0.5) / total[c] * most;
+        seen[c] += 1.0;
+    }
+    start += most;
+    return time;
+}
+
+/// The time of each standard row of a block: rows follow the records law by law.
+Eigen::VectorXd row_times(const std::vector<LawPart>& parts, const std::vector<NoiseModel>& laws,
+                          const Eigen::VectorXd& time) {
+    if (parts.empty()) return time;
+    std::vector<double> result;
+    for (const LawPart& part : parts)
+        for (int copy = 0; copy < laws[part.law].rows_per_record(); ++copy)
+            for (const Eigen::Index record : part.records)
+                result.push_back(time[record]);
+    return Eigen::Map<const Eigen::VectorXd>(result.data(), static_cast<Eigen::Index>(result.size()));
+}
+
+/// Orthonormal columns that span the first `latents` columns; zero where a state is dead.
+Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& rows, Eigen::Index latents) {
+    Eigen::MatrixXd q = rows.leftCols(latents);
+    if (latents == 0) return q;
+    const BlockTriangle factor = block_triangle(rows, latents);
+    for (Eigen::Index j = 0; j < latents; ++j)
+        if (factor.dead[static_cast<std::size_t>(j)]) q.col(j).setZero();
+    models::divide_by_upper_in_place(q, factor.triangle.topLeftCorner(latents, latents));
+    return q;
 }
 
 }  // namespace
@@ -75,99 +135,163 @@ std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
     return sequences;
 }
 
+/// Whether an ordered channel is more autocorrelated than its law allows. Along a chain latent states take part of
+/// every residual, which makes neighbours negatively correlated: there only positive correlation counts.
+bool Posterior::residuals_correlated() const {
+    const bool chained = set_.constraints > 0 || set_.linked;
+    return std::any_of(unexplained_.begin(), unexplained_.end(), [chained](const Autocorrelation& correlation) {
+        return correlation.significant && (!chained || correlation.records > 1.0);
+    });
+}
+
 void Posterior::make_sandwich() {
     const Clusters choice = problem_.options.clusters;
     if (choice == Clusters::none || point_.triangle.rows() == 0) return;
-    std::vector<std::vector<int>> clusters;
-    double inflation = 1.0;
-    const bool linked = set_.constraints > 0 || set_.linked;
     if (choice == Clusters::blocks) {
-        for (const ActiveBlock& block : set_.blocks)
-            clusters.emplace_back(block.channel.size(), 0);
-    } else if (linked) {
-        widen_along_chains();
+        make_block_sandwich();
         return;
-    } else {
-        inflation = correlated_clusters(clusters);
-        if (clusters.empty()) return;
     }
-    std::size_t count = 0;
-    for (const std::vector<int>& cluster : clusters)
-        if (!cluster.empty()) count += 1 + static_cast<std::size_t>(*std::max_element(cluster.begin(), cluster.end()));
+    bool ordered = false;
+    for (std::size_t c = 0; c < problem_.channels.size(); ++c)
+        ordered = ordered || (group_of(problem_, static_cast<int>(c)).ordered && set_.spread.alone());
+    if (!ordered) return;
+    const bool correlated = residuals_correlated();
+    if (!correlated && (set_.constraints > 0 || set_.linked)) return;
+    double length = 0.0;
+    std::vector<ScoreRows> rows = score_rows(length);
+    if (!(length > 0.0)) return;
+    const Eigen::Index dead = undetermined_states(arrow_);
+    const double absorbed = static_cast<double>(set_.latents - dead - set_.constraints);
+    const double left = std::clamp(1.0 - absorbed / static_cast<double>(set_.records), 1e-3, 1.0);
+    auto spectrum = std::make_unique<ScoreSpectrum>(std::move(rows), length, left);
+    if (!correlated && !scores_correlated(*spectrum)) return;
+    spectrum_ = std::move(spectrum);
+    use_spectrum();
+}
+
+void Posterior::make_block_sandwich() {
+    const std::size_t count = set_.blocks.size();
     const auto least = static_cast<std::size_t>(point_.triangle.rows()) + 1;
-    if (choice == Clusters::blocks) {
-        if (linked || count < least) {
-            sandwich_note_ = (set_.constraints > 0 ? std::string("constraints link the blocks")
-                              : set_.linked        ? std::string("records link the blocks")
-                                                   : "blocks are too few (" + std::to_string(count) + ", at least " +
-                                                  std::to_string(least) + " are needed)") +
-                             ": no clusters, intervals as if errors were independent";
-            return;
-        }
-        sandwich_note_ = "intervals from " + std::to_string(count) + " blocks as clusters";
-    } else if (count < least) {
-        // Scores of all clusters add up to zero: of so few some direction would have no scatter, and so no uncertainty.
-        widen(count);
+    const bool linked = set_.constraints > 0 || set_.linked;
+    // Scores of all clusters add up to zero: of so few some direction would have no scatter, and so no uncertainty.
+    if (linked || count < least) {
+        sandwich_note_ = (set_.constraints > 0 ? std::string("constraints link the blocks")
+                          : set_.linked        ? std::string("records link the blocks")
+                                               : "blocks are too few (" + std::to_string(count) + ", at least " +
+                                              std::to_string(least) + " are needed)") +
+                         ": no clusters, intervals as if errors were independent";
         return;
     }
+    std::vector<std::vector<int>> clusters;
+    for (const ActiveBlock& block : set_.blocks)
+        clusters.emplace_back(block.channel.size(), 0);
     const auto rows =
         linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
     sandwich_ = std::make_unique<Sandwich>(in_basis(rows, minimum_.step.from_data), set_, clusters, problem_.laws,
-                                           state_.psi, point_.triangle, inflation);
+                                           state_.psi, point_.triangle);
     covariance_ = minimum_.step.decided * sandwich_->covariance() * minimum_.step.decided.transpose();
-    if (choice == Clusters::automatic)
-        sandwich_note_ = "residuals are autocorrelated: intervals from " + std::to_string(sandwich_->clusters()) +
-                         " clusters of consecutive records";
+    sandwich_note_ = "intervals from " + std::to_string(count) + " blocks as clusters";
 }
 
-/// Integrated correlation time of the channel that is correlated longest, in records; 0: none is significantly.
-double Posterior::longest_correlation() const {
-    double longest = 0.0;
-    for (const Autocorrelation& correlation : unexplained_)
-        if (correlation.significant) longest = std::max(longest, correlation.records);
-    return longest;
-}
-
-/// Latent states of a chain absorb part of every residual, so that clusters of its records have no scores of their own.
-/// Covariances are widened where readings are correlated along it.
-void Posterior::widen_along_chains() {
-    if (!(longest_correlation() > 1.0)) return;
-    widen(0);
-    sandwich_note_ = "residuals are autocorrelated along a chain: intervals from the number of independent records";
-}
-
-/// Laplace's covariance as if each of the records that are worth an independent one stood for all that repeat it.
-void Posterior::widen(std::size_t clusters) {
-    const auto n = static_cast<double>(set_.records);
-    const double longest = std::max(1.0, std::min(longest_correlation(), n));
-    widening_ = longest;
-    covariance_ *= widening_;
-    widened_degrees_of_freedom_ = std::max(1.0, n / longest - static_cast<double>(point_.triangle.rows()));
-    sandwich_note_ = "residuals repeat each other over most of a record, which makes " + std::to_string(clusters) +
-                     (clusters == 1 ? " cluster" : " clusters") +
-                     ", too few for a scatter: intervals from the number of independent records";
-}
-
-/// Clusters of consecutive records where residuals are more autocorrelated than their law allows; none otherwise.
-/// @return factor on the covariance for correlation across the borders of clusters.
-double Posterior::correlated_clusters(std::vector<std::vector<int>>& clusters) const {
-    const double longest = longest_correlation();
-    if (!(longest > 0.0)) return 1.0;
-    // Clusters of twice the integrated correlation time: about four times the decay time of an AR(1).
-    const double length = 2.0 * longest;
-    for (const ActiveBlock& block : set_.blocks) {
-        double most = 0.0;
-        for (std::size_t c = 0; c < problem_.channels.size(); ++c) {
-            if (group_of(problem_, static_cast<int>(c)).ordered)
-                most = std::max(most, static_cast<double>(
-                                          std::count(block.channel.begin(), block.channel.end(), static_cast<int>(c))));
+/// Whitened rows of all blocks without what latent states take, on one axis of time.
+/// @param length  becomes the length of the axis, in records.
+std::vector<ScoreRows> Posterior::score_rows(double& length) const {
+    const Eigen::Index rank = point_.triangle.rows();
+    const std::vector<BlockRows> rows =
+        in_basis(linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false),
+                 minimum_.step.from_data);
+    const std::vector<Eigen::MatrixXd> moves = latent_moves(point_.standard.arrow, point_.reduced_problem, rank);
+    const bool chained = set_.constraints > 0 || set_.linked;
+    std::vector<ScoreRows> result;
+    length = 0.0;
+    for (const std::vector<std::size_t>& row : rows_of_blocks(set_))
+        for (const std::size_t b : row) {
+            const ActiveBlock& block = set_.blocks[b];
+            const Eigen::VectorXd time = record_times(block.channel, length);
+            const auto add = [&](const WhitenedRows<double>& standard, const std::vector<LawPart>& parts,
+                                 const Eigen::MatrixXd& move, bool latent) {
+                if (standard.rows.rows() == 0) return;
+                ScoreRows scores;
+                const Eigen::Index l = move.rows();
+                scores.sensitivity = standard.rows.middleCols(l, rank) + standard.rows.leftCols(l) * move;
+                models::divide_by_upper_in_place(scores.sensitivity, point_.triangle);
+                if (latent) scores.latent = orthonormal(standard.rows, l);
+                scores.residual = standard.rows.rightCols(1);
+                scores.time = row_times(parts, problem_.laws, time);
+                result.push_back(std::move(scores));
+            };
+            add(standard_rows(rows[b], problem_.laws, state_.psi, Curvature::expected), block.parts, moves[b],
+                !chained);
+            if (rows[b].linked_parts.empty()) continue;
+            const Eigen::MatrixXd& next = moves[static_cast<std::size_t>(rows[b].next)];
+            Eigen::MatrixXd both(moves[b].rows() + next.rows(), rank);
+            both << moves[b], next;
+            add(standard_rows(rows[b].linked_parts, problem_.laws, state_.psi, Curvature::expected), block.linked_parts,
+                both, false);
         }
-        clusters.push_back(consecutive_clusters(block.channel, std::max(1, static_cast<int>(most / length))));
+    return result;
+}
+
+/// Coefficients of the scores that belong to a direction in u.
+Eigen::VectorXd Posterior::score_direction(const Eigen::VectorXd& direction) const {
+    Eigen::VectorXd c = minimum_.step.decided.transpose() * direction;
+    models::solve_transposed_upper_in_place(point_.triangle, c);
+    return c;
+}
+
+/// Whether the long-run variance of some parameter's score is larger than independent errors would make it: a slow
+/// drift beneath noise leaves the correlation of neighbours where it is.
+bool Posterior::scores_correlated(const ScoreSpectrum& spectrum) const {
+    const Eigen::Index q = state_.u.size();
+    // One estimate in a thousand with independent errors is taken for correlated.
+    const double level = 1e-3 / static_cast<double>(q);
+    for (Eigen::Index i = 0; i < q; ++i) {
+        const Eigen::VectorXd c = score_direction(Eigen::VectorXd::Unit(q, i));
+        if (!(c.squaredNorm() > 0.0)) continue;
+        const ScoreSpectrum::Ratio ratio = spectrum.along(c);
+        if (!(ratio.degrees_of_freedom > 0.0)) continue;
+        const boost::math::chi_squared_distribution<double> independent(ratio.degrees_of_freedom);
+        if (boost::math::cdf(boost::math::complement(independent, ratio.value * ratio.degrees_of_freedom)) < level)
+            return true;
     }
-    // Correlation across the borders of clusters, AR(1) with the same integrated time tau = 2 decay times. A sum over L
-    // records has the fraction 1 - (decay / L)(1 - exp(-L / decay)) of the variance it would have with all neighbours.
-    const double decay = 0.5 * longest;
-    return 1.0 / (1.0 - decay / length * -std::expm1(-length / decay));
+    return false;
+}
+
+/// The covariance with the variances of the spectrum, and the note.
+void Posterior::use_spectrum() {
+    const Eigen::Index q = state_.u.size();
+    Eigen::VectorXd variance = Eigen::VectorXd::Zero(q);
+    Eigen::Index most = 1;
+    Eigen::Index fewest = std::numeric_limits<Eigen::Index>::max();
+    std::string without;
+    for (Eigen::Index i = 0; i < q; ++i) {
+        const Eigen::VectorXd c = score_direction(Eigen::VectorXd::Unit(q, i));
+        if (!(c.squaredNorm() > 0.0)) continue;
+        const ScoreSpectrum::Ratio ratio = spectrum_->along(c);
+        variance[i] = laplace_(i, i) * ratio.value;
+        most = std::max(most, ratio.frequencies);
+        fewest = std::min(fewest, ratio.frequencies);
+        if (!ratio.enough)
+            without += (without.empty() ? "" : ", ") + problem_.parameters[static_cast<std::size_t>(i)].name;
+    }
+    Eigen::MatrixXd half = spectrum_->scatter();
+    models::solve_upper_in_place(point_.triangle, half);
+    half = half.transpose().eval();
+    models::solve_upper_in_place(point_.triangle, half);
+    covariance_ = minimum_.step.decided * (0.5 * (half + half.transpose())) * minimum_.step.decided.transpose();
+    Eigen::VectorXd scale = Eigen::VectorXd::Zero(q);
+    for (Eigen::Index i = 0; i < q; ++i)
+        if (covariance_(i, i) > 0.0) scale[i] = std::sqrt(variance[i] / covariance_(i, i));
+    covariance_ = scale.asDiagonal() * covariance_ * scale.asDiagonal();
+    const std::string counted = std::to_string(fewest) + (most > fewest ? " to " + std::to_string(most) : "");
+    if (without.empty())
+        sandwich_note_ =
+            "residuals are autocorrelated: intervals from the " + counted + " lowest frequencies of the scores";
+    else
+        sandwich_note_ = "the residuals hold too few independent values for " + without +
+                         ": the spectrum of the scores falls from the lowest frequency on, two are needed; no "
+                         "interval. A longer record, or a model that leaves less structure in the residuals, would "
+                         "give one";
 }
 
 }  // namespace orbid::estimator

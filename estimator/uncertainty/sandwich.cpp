@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "models/arithmetic/eigenvalues.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
@@ -30,7 +29,7 @@ std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<NoiseM
 
 Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
                    const std::vector<std::vector<int>>& cluster, const std::vector<NoiseModel>& laws,
-                   const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle, double inflation)
+                   const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle)
     : rank_(triangle.rows()), triangle_(triangle) {
     Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(rank_, rank_);
     for (std::size_t b = 0; b < rows.size(); ++b) {
@@ -78,7 +77,7 @@ Sandwich::Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set,
     models::solve_upper_in_place(triangle_, half);
     half = half.transpose().eval();
     models::solve_upper_in_place(triangle_, half);
-    covariance_ = 0.5 * inflation * (half + half.transpose());
+    covariance_ = 0.5 * (half + half.transpose());
 }
 
 double Sandwich::degrees_of_freedom(const Eigen::VectorXd& direction) const {
@@ -109,18 +108,6 @@ double Sandwich::degrees_of_freedom(const Eigen::VectorXd& direction) const {
     }
     norm += all.squaredNorm();
     return norm > 0.0 ? std::max(1.0, trace * trace / norm) : 1.0;
-}
-
-std::vector<int> consecutive_clusters(const std::vector<int>& channel, int pieces) {
-    std::map<int, long> total;
-    for (const int c : channel)
-        ++total[c];
-    std::map<int, long> seen;
-    std::vector<int> cluster;
-    cluster.reserve(channel.size());
-    for (const int c : channel)
-        cluster.push_back(static_cast<int>(seen[c]++ * pieces / total[c]));
-    return cluster;
 }
 
 }  // namespace orbid::estimator

@@ -21,10 +21,8 @@ public:
     /// @param rows      one BlockRows per active block, NOT compressed, columns in the basis of determined directions.
     /// @param cluster   per active block, cluster number (from 0, within the block) of each record.
     /// @param triangle  R of the determined parameters with prior, shape (rank, rank).
-    /// @param inflation factor >= 1 on the covariance for correlation across the borders of clusters.
     Sandwich(const std::vector<BlockRows>& rows, const BlockSet& set, const std::vector<std::vector<int>>& cluster,
-             const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle,
-             double inflation);
+             const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi, const Eigen::MatrixXd& triangle);
 
     [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }  ///< shape (rank, rank)
     [[nodiscard]] std::size_t clusters() const { return parts_.size(); }
@@ -43,9 +41,5 @@ private:
     std::vector<Part> parts_;
     Eigen::MatrixXd covariance_;
 };
-
-/// Clusters of consecutive records of one block. The records of each channel are divided into `pieces` equal parts, the
-/// same for every channel, so that channels stay aligned in time.
-[[nodiscard]] std::vector<int> consecutive_clusters(const std::vector<int>& channel, int pieces);
 
 }  // namespace orbid::estimator

@@ -46,7 +46,7 @@ TEST_CASE("the summary tells what a reader must know", "[apps]") {
          {"singular: one direction carries no information", "0.3170012", "2.5e-06", "[0.3169962, 0.3170062]",
           "at lower", "c2 lies at its lower bound", "+18.9 %", "+0.000379 %", "+0.48",
           "m is decided by the prior alone", "c2, m cannot be told apart", "+1 : -0.5",
-          "36668 autocorrelated records are worth about 30 independent", "sandwich over blocks", "0.998",
+          "36668 autocorrelated records are worth about 30 independent", "from a sandwich", "0.998",
           "period 1: 6, period 2: 9, period 3: none found", "phi 0.002"}) {
         CAPTURE(words);
         CHECK_THAT(text, ContainsSubstring(words));

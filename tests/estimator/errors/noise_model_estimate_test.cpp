@@ -412,6 +412,7 @@ TEST_CASE("intervals cover: autoregressive and relative errors", "[estimator]") 
         CAPTURE(autoregressive);
         std::array<int, 4> covered{};
         int converged = 0;
+        int by_likelihood = 0;
         for (int run = 0; run < runs; ++run) {
             std::mt19937_64 generator(static_cast<unsigned>(1000 + run));
             std::normal_distribution<double> normal;
@@ -430,11 +431,13 @@ TEST_CASE("intervals cover: autoregressive and relative errors", "[estimator]") 
             if (holds(result.parameters[1], true_b)) ++covered[1];
             if (holds(result.scales[0], 0.2)) ++covered[2];
             if (holds(result.scales[0].shape[0], autoregressive ? 0.5 : 0.1)) ++covered[3];
+            if (result.scales[0].shape[0].interval_method == estimator::IntervalMethod::likelihood) ++by_likelihood;
         }
         CHECK(converged == runs);
         CAPTURE(covered[0], covered[1], covered[2], covered[3]);
         for (const int count : covered)
             CHECK(count >= 174);
+        if (autoregressive) CHECK(by_likelihood == runs);
     }
 }
 

@@ -265,7 +265,7 @@ TEST_CASE("autocorrelation of readings is looked for along a chain", "[estimator
         REQUIRE(found.status == EstimateStatus::converged);
         // sd of a lag-1 correlation of 2000 records: 0.6 / sqrt(2000) = 0.013; of the integrated time about a third.
         CHECK_THAT(found.scales[0].lag1, WithinAbs(0.8, 0.06));
-        CHECK(found.parameters[0].interval_method == estimator::IntervalMethod::effective_count);
+        CHECK(found.parameters[0].interval_method == estimator::IntervalMethod::sandwich);
         CHECK(found.parameters[0].sd / found.parameters[0].laplace_sd > 2.0);
         CHECK(found.parameters[0].sd / found.parameters[0].laplace_sd < 5.0);
         CHECK_THAT(found.parameters[0].value, WithinAbs(0.1, 4.0 * found.parameters[0].sd));

@@ -9,6 +9,8 @@
 #include <Eigen/LU>
 
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/exploration/marginal.hpp"
+#include "estimator/exploration/profile.hpp"
 #include "estimator/problem/linearisation.hpp"
 #include "estimator/problem/problem.hpp"
 #include "estimator/uncertainty/sandwich.hpp"
@@ -125,9 +127,12 @@ TEST_CASE("degrees of freedom of a sandwich: over all pairs of clusters, written
     const Eigen::MatrixXd left = x - q_z * (q_z.transpose() * x);
     const Eigen::MatrixXd triangle = Eigen::LLT<Eigen::MatrixXd>(left.transpose() * left).matrixU();
     std::vector<std::vector<int>> clusters;
-    for (const estimator::ActiveBlock& block : set.blocks)
-        clusters.push_back(estimator::consecutive_clusters(block.channel, pieces));
-    const estimator::Sandwich sandwich(rows, set, clusters, problem.laws, state.psi, triangle, 1.0);
+    for (const estimator::ActiveBlock& block : set.blocks) {
+        clusters.emplace_back();
+        for (std::size_t i = 0; i < block.channel.size(); ++i)
+            clusters.back().push_back(static_cast<int>(i * pieces / block.channel.size()));
+    }
+    const estimator::Sandwich sandwich(rows, set, clusters, problem.laws, state.psi, triangle);
     REQUIRE(sandwich.clusters() == blocks * pieces);
 
     const Eigen::MatrixXd q_theta = left * triangle.inverse();
@@ -157,8 +162,7 @@ TEST_CASE("a single block cannot be clustered: Laplace, and the message says so"
     CHECK_THAT(result.message, ContainsSubstring("blocks are too few (1, at least 3 are needed)"));
 }
 
-TEST_CASE("residuals that repeat each other all along: too few clusters, wide intervals instead of none",
-          "[estimator]") {
+TEST_CASE("residuals that repeat each other all along: no interval, and the message says so once", "[estimator]") {
     // A slope alone through a line with an offset: residuals of one sign for two thirds of the record.
     constexpr Eigen::Index n = 200;
     Eigen::MatrixXd x(n, 1);
@@ -179,15 +183,19 @@ TEST_CASE("residuals that repeat each other all along: too few clusters, wide in
     const auto result = estimator::estimate({free_parameter("slope", 0.0)}, {&residual}, {}, options);
     CAPTURE(result.message);
     REQUIRE(result.status == estimator::EstimateStatus::converged);
-    CHECK_THAT(result.message, ContainsSubstring("too few for a scatter"));
+    CHECK_THAT(result.message, ContainsSubstring("too few independent values for slope:"));
     const auto& slope = result.parameters[0];
-    CHECK(slope.interval_method == estimator::IntervalMethod::effective_count);
-    CHECK(slope.sd > slope.laplace_sd);
-    // The offset moves the slope by 1.5, far beyond what independent errors would allow.
+    CHECK(slope.interval_method == estimator::IntervalMethod::too_few_independent);
+    // The offset moves the slope by 1.5, far beyond what independent errors would allow: no figure is better than that.
     CHECK(slope.value - 5.0 * slope.laplace_sd > 2.0);
-    CHECK(slope.lower95 < 2.0);
-    CHECK(slope.upper95 > 2.0);
-    CHECK(slope.sd <= std::sqrt(static_cast<double>(n)) * slope.laplace_sd * (1.0 + 1e-12));
+    CHECK(std::isnan(slope.sd));
+    CHECK(std::isnan(slope.lower95));
+    CHECK(std::isnan(slope.upper95));
+    const auto profile = estimator::profiles({free_parameter("slope", 0.0)}, {&residual}, options, result);
+    CHECK_FALSE(profile[0].known);
+    CHECK_THAT(profile[0].message, ContainsSubstring("too few independent values"));
+    const auto marginal = estimator::marginals({free_parameter("slope", 0.0)}, {&residual}, options, result);
+    CHECK_FALSE(marginal[0].known);
 }
 
 // 200 replicates with effects of whole clusters: 190 expected, binomial sd 3.1, four of them below are 177.6:
