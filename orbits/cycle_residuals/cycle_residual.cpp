@@ -1,5 +1,6 @@
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -73,6 +74,10 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
                   target.common.cols(), shared_);
         if (target.common.size() > 0) shared_ = target.common.cols();
     }
+    // A factor below 1 would rest on the many records of small errors, and shrink with them the few shared directions
+    // that parameters depend on: see docs/cycles_as_data.md.
+    for (estimator::Group& group : initial_.groups)
+        if (shared_ > 0 && group.scale.estimate) group.floor = std::max(group.floor, 1.0);
     initial_.memory.push_back(VectorXd::Zero(1));
     initial_.latents.resize(initial_.layout.size());
     // Solutions at the start give every later one a prediction to first order. A cycle without one keeps its guess.

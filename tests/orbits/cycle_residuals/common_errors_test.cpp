@@ -4,6 +4,7 @@
 #include <random>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include "models/catalogue/registry.hpp"
 #include "orbits/cycle_residuals/common_error_filter.hpp"
