@@ -176,9 +176,10 @@ void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, Cyc
 /// The rows of Cycle::common that belong to the records of the target.
 void take_common(const Cycle& cycle, const CycleTargetOptions& options, CycleTarget& target) {
     if (options.weights != CycleWeights::covariance || cycle.common.size() == 0) return;
-    refuse_if(cycle.common.rows() != cycle.points.size() + cycle.ln_multiplier.size() || !cycle.common.allFinite(),
-              "cycle {}: common errors have {} rows, must have {} (coordinates of points, then multipliers), all finite",
-              target.cycle, cycle.common.rows(), cycle.points.size() + cycle.ln_multiplier.size());
+    refuse_if(
+        cycle.common.rows() != cycle.points.size() + cycle.ln_multiplier.size() || !cycle.common.allFinite(),
+        "cycle {}: common errors have {} rows, must have {} (coordinates of points, then multipliers), all finite",
+        target.cycle, cycle.common.rows(), cycle.points.size() + cycle.ln_multiplier.size());
     std::vector<Index> rows;
     for (Index k = 0; k < cycle.points.size(); ++k)
         rows.push_back(k);

@@ -37,8 +37,8 @@ void shorten_common_errors(std::vector<Cycle>& cycles) {
     Index rank = 0, pivot = 0;
     while (rank < std::min(records, columns) && left.maxCoeff(&pivot) > shared_remainder) {
         if (rank == root.cols()) root.conservativeResize(records, 2 * rank);
-        const VectorXd next = long_form.transpose() * long_form.col(pivot) -
-                              root.leftCols(rank) * root.row(pivot).head(rank).transpose();
+        const VectorXd next =
+            long_form.transpose() * long_form.col(pivot) - root.leftCols(rank) * root.row(pivot).head(rank).transpose();
         root.col(rank) = next / std::sqrt(next[pivot]);
         left -= root.col(rank).cwiseAbs2();
         left[pivot] = 0.0;

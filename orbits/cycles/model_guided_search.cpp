@@ -130,7 +130,8 @@ public:
             draft.quality.emplace_back("looked for where the model has an orbit");
             publish(section_, draft, tolerance(draft), result_.cycles);
         }
-        if (std::any_of(result_.cycles.begin(), result_.cycles.end(), [](const Cycle& c) { return c.common.size() > 0; }))
+        if (std::any_of(result_.cycles.begin(), result_.cycles.end(),
+                        [](const Cycle& c) { return c.common.size() > 0; }))
             share_errors(*finder);
         return std::move(result_);
     }
@@ -141,7 +142,8 @@ private:
         std::vector<std::size_t> tried;
         std::vector<CycleCandidate> starts;
         for (std::size_t c = 0; c < known_.size(); ++c) {
-            if (known_[c].points.rows() != section_.dimension() || (known_[c].mirror && *known_[c].mirror < c)) continue;
+            if (known_[c].points.rows() != section_.dimension() || (known_[c].mirror && *known_[c].mirror < c))
+                continue;
             tried.push_back(c);
             starts.emplace_back().points = scaled_points(section_, known_[c]);
         }

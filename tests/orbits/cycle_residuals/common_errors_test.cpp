@@ -31,8 +31,7 @@ MatrixXd normal_matrix(Index rows, Index columns, unsigned seed) {
 double minus_log_density(const VectorXd& e, const MatrixXd& covariance) {
     const Eigen::LLT<MatrixXd> factor(covariance);
     REQUIRE(factor.info() == Eigen::Success);
-    return 0.5 * factor.matrixL().solve(e).squaredNorm() +
-           MatrixXd(factor.matrixL()).diagonal().array().log().sum();
+    return 0.5 * factor.matrixL().solve(e).squaredNorm() + MatrixXd(factor.matrixL()).diagonal().array().log().sum();
 }
 
 /// Cycles of the Henon map of periods 1, 2, 4 and 6, measured with errors that they share and errors of their
@@ -116,8 +115,7 @@ double dense(const std::vector<orbits::Cycle>& cycles, const orbits::CycleResidu
         e.segment(first, own) = values[c].e;
         const MatrixXd g = cycles[c].common.topRows(own);
         common.middleRows(first, own) = g;
-        covariance.block(first, first, own, own) =
-            cycles[c].covariance - g * g.transpose();
+        covariance.block(first, first, own, own) = cycles[c].covariance - g * g.transpose();
         first += own;
     }
     covariance += common * common.transpose();
