@@ -74,8 +74,7 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
                   target.common.cols(), shared_);
         if (target.common.size() > 0) shared_ = target.common.cols();
     }
-    // A factor below 1 would rest on the many records of small errors, and shrink with them the few shared directions
-    // that parameters depend on: see docs/cycles_as_data.md.
+    // Smaller ones would rest on records of small errors, and shrink the shared directions (docs/cycles_as_data.md).
     for (estimator::Group& group : initial_.groups)
         if (shared_ > 0 && group.scale.estimate) group.floor = std::max(group.floor, 1.0);
     initial_.memory.push_back(VectorXd::Zero(1));
@@ -239,16 +238,6 @@ std::vector<PeriodicOrbit> CycleResidual::orbits(const estimator::ActiveSet& act
     tbb::parallel_for(std::size_t{0}, result.size(), [&](std::size_t b) { result[b] = solve(active, b, theta, true); });
     models::stop_if_left();
     return result;
-}
-
-double CycleResidual::mean_square(const estimator::ActiveSet& active, std::size_t block, const VectorXd& e,
-                                  const VectorXd& scales) const {
-    VectorXd whitened = e;
-    for (Index i = 0; i < e.size(); ++i)
-        whitened(i) /= scales(active.layout[block].group[static_cast<std::size_t>(i)]);
-    const MatrixXd shape = own_shape(active, block);
-    if (shape.size() > 0) models::CholeskyFactor(shape).solve_lower_in_place(whitened);
-    return whitened.squaredNorm() / static_cast<double>(e.size());
 }
 
 estimator::RefreshReport CycleResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,

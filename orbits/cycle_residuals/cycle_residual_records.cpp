@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "models/arithmetic/cholesky_factor.hpp"
 #include "orbits/cycle_residuals/common_error_filter.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "periodic/stability/stability.hpp"
@@ -54,6 +55,16 @@ MatrixXd CycleResidual::own_common(const estimator::ActiveSet& active, std::size
     common.topRows(positions) = target.common.topRows(positions);
     common.middleRows(positions, multipliers) = target.common.bottomRows(multipliers);
     return common;
+}
+
+double CycleResidual::mean_square(const estimator::ActiveSet& active, std::size_t block, const VectorXd& e,
+                                  const VectorXd& scales) const {
+    VectorXd whitened = e;
+    for (Index i = 0; i < e.size(); ++i)
+        whitened(i) /= scales(active.layout[block].group[static_cast<std::size_t>(i)]);
+    const MatrixXd shape = own_shape(active, block);
+    if (shape.size() > 0) models::CholeskyFactor(shape).solve_lower_in_place(whitened);
+    return whitened.squaredNorm() / static_cast<double>(e.size());
 }
 
 void CycleResidual::link(estimator::ActiveSet& active) const {
