@@ -197,10 +197,10 @@ inline void fields(apps::Archive& archive, PosteriorSample& value) {
 namespace orbid::orbits {
 
 inline void fields(apps::Archive& archive, Cycle& value) {
-    auto& [period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, time, time_sd,
-           code, recurrences, mirror, quality] = value;
-    archive(period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, time, time_sd,
-            code, recurrences, mirror, quality);
+    auto& [period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, common, time,
+           time_sd, code, recurrences, mirror, quality] = value;
+    archive(period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, common, time,
+            time_sd, code, recurrences, mirror, quality);
 }
 
 inline void fields(apps::Archive& archive, CycleSearch& value) {

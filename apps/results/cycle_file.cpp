@@ -95,6 +95,7 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     out["multipliers"] = complex_pairs(cycle.multipliers);
     out["ln_multiplier"] = json_list(cycle.ln_multiplier);
     out["ln_multiplier_covariance"] = detail::rows_or_null(cycle.ln_multiplier_covariance);
+    out["common_errors"] = detail::rows_or_null(cycle.common);
     out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : detail::time_of(head, cycle.period);
     out["time_sd"] = cycle.time_sd;
     out["code"] = json_or_null(cycle.code);

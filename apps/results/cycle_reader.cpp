@@ -168,6 +168,12 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     }
     if (const auto covariance = given(object, "ln_multiplier_covariance"))
         cycle.ln_multiplier_covariance = matrix(*covariance, cycle.ln_multiplier.size(), cycle.ln_multiplier.size());
+    if (const auto common = given(object, "common_errors"); common && cycle.points.size() > 0) {
+        const auto rows = common->items();
+        const auto columns = rows.empty() ? 0 : static_cast<Eigen::Index>(rows.front().value().items.size());
+        cycle.common = matrix(*common, cycle.points.size() + cycle.ln_multiplier.size(), columns);
+        if (!cycle.common.allFinite()) common->report("holds null, must hold numbers");
+    }
     cycle.recurrences = count_of(object, "recurrences");
     if (const auto mirror = given(object, "mirror")) {
         if (const auto index = mirror->whole(0, count - 1)) cycle.mirror = static_cast<std::size_t>(*index);

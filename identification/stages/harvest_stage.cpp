@@ -59,6 +59,9 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
     for (const std::string& remark : found.remarks)
         input.observer.remark(remark);
     if (found.cycles.empty()) return "no further cycle was found in the series";
+    for (std::size_t c = 0; c < input.search.cycles.size(); ++c)
+        input.search.cycles[c].common =
+            c < found.known_common.size() ? std::move(found.known_common[c]) : Eigen::MatrixXd();
     // Partners are indices into the list: those of new cycles count from their own beginning.
     const std::size_t known = input.search.cycles.size();
     for (orbits::Cycle& cycle : found.cycles) {

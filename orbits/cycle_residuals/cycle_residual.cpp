@@ -1,5 +1,6 @@
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -67,6 +68,15 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
         initial_.memory.resize(initial_.memory.size() + memory_parts);
         remember(initial_, initial_.layout.size() - 1, known);
     }
+    for (const CycleTarget& target : targets_.targets) {
+        refuse_if(target.common.size() > 0 && shared_ > 0 && target.common.cols() != shared_,
+                  "CycleResidual: common errors of {} have {} columns, those of a cycle before it {}", target.label,
+                  target.common.cols(), shared_);
+        if (target.common.size() > 0) shared_ = target.common.cols();
+    }
+    // Smaller ones would rest on records of small errors, and shrink the shared directions (docs/cycles_as_data.md).
+    for (estimator::Group& group : initial_.groups)
+        if (shared_ > 0 && group.scale.estimate) group.floor = std::max(group.floor, 1.0);
     initial_.memory.push_back(VectorXd::Zero(1));
     initial_.latents.resize(initial_.layout.size());
     // Solutions at the start give every later one a prediction to first order. A cycle without one keeps its guess.
@@ -78,6 +88,7 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
         if (solved[b].status == OrbitStatus::converged) keep(initial_, b, solved[b], start);
     }
     if (!start_nodes.empty()) gate_start(solved, start);
+    link(initial_);
 }
 
 void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const VectorXd& start) {
@@ -199,7 +210,11 @@ PeriodicOrbit CycleResidual::solve(const estimator::ActiveSet& active, std::size
 std::vector<estimator::BlockValue> CycleResidual::evaluate(const estimator::ActiveSet& active, const VectorXd& theta,
                                                            const std::vector<VectorXd>&, bool derivatives) const {
     const VectorXd values = binding_.values(theta);
-    return evaluate_blocks(*system_, values, active.layout, [&](std::size_t b, estimator::BlockValue& block) {
+    // Blocks that were left out for a while (folds of a validation, orbits that stopped a step) still tell of others.
+    std::vector<estimator::BlockLayout> asked = active.layout;
+    for (std::size_t b = 0; shared_ > 0 && b < asked.size(); ++b)
+        asked[b].active = asked[b].active || active.memory[memory_parts * b + 4].size() > 0;
+    auto found = evaluate_blocks(*system_, values, asked, [&](std::size_t b, estimator::BlockValue& block) {
         const PeriodicOrbit orbit = solve(active, b, theta, derivatives);
         if (orbit.status != OrbitStatus::converged) return false;
         const auto readings = reading_(map_.points(orbit.points), values, binding_.parameter, derivatives);
@@ -214,6 +229,8 @@ std::vector<estimator::BlockValue> CycleResidual::evaluate(const estimator::Acti
         block.e_theta = *slope;
         return true;
     });
+    if (shared_ > 0) subtract_known(active, found, derivatives);
+    return found;
 }
 
 std::vector<PeriodicOrbit> CycleResidual::orbits(const estimator::ActiveSet& active, const VectorXd& theta) const {
@@ -221,14 +238,6 @@ std::vector<PeriodicOrbit> CycleResidual::orbits(const estimator::ActiveSet& act
     tbb::parallel_for(std::size_t{0}, result.size(), [&](std::size_t b) { result[b] = solve(active, b, theta, true); });
     models::stop_if_left();
     return result;
-}
-
-double CycleResidual::mean_square(const estimator::BlockLayout& block, const VectorXd& e, const VectorXd& scales) {
-    VectorXd whitened = e;
-    for (Index i = 0; i < e.size(); ++i)
-        whitened(i) /= scales(block.group[static_cast<std::size_t>(i)]);
-    if (block.shape.size() > 0) models::CholeskyFactor(block.shape).solve_lower_in_place(whitened);
-    return whitened.squaredNorm() / static_cast<double>(e.size());
 }
 
 estimator::RefreshReport CycleResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
@@ -258,7 +267,7 @@ estimator::RefreshReport CycleResidual::update_active_set(estimator::ActiveSet& 
             continue;
         }
         if (layout[b].group.empty()) continue;
-        if (const auto e = residual(active, b, solved[b], theta)) size[b] = mean_square(layout[b], *e, scales);
+        if (const auto e = residual(active, b, solved[b], theta)) size[b] = mean_square(active, b, *e, scales);
         if (layout[b].active) active_sizes.push_back(size[b]);
     }
     const double limit = active_sizes.empty() ? std::numeric_limits<double>::infinity()
@@ -278,6 +287,10 @@ estimator::RefreshReport CycleResidual::update_active_set(estimator::ActiveSet& 
         if (plausible) keep(active, b, solved[b], theta);
     }
     report.changed = report.changed || report.lost + report.rejected + report.added > 0;
+    for (std::size_t b = 0; shared_ > 0 && b < layout.size(); ++b)
+        report.changed = report.changed || (targets_.targets[b].common.size() > 0 &&
+                                            layout[b].active != (active.memory[memory_parts * b + 4].size() > 0));
+    link(active);
     // What is inactive at the start is counted as lost.
     report.rejected += rejected_before;
     report.lost -= rejected_before;

@@ -35,6 +35,10 @@ struct CycleResidualOptions {
 /// Each orbit is solved by multiple shooting, started from the last solution, which its sensitivities move to first
 /// order. An orbit that does not converge, or converges elsewhere, is missing data (BlockStatus::failed).
 ///
+/// Cycles of one map share its errors (Cycle::common). A block's errors are then those that remain when the blocks
+/// before it have told what they can about them (CommonErrorFilter): the product over the blocks is the joint density
+/// of all cycles. A factor s_g on the covariance multiplies what remains.
+///
 /// An orbit with a period of sticking has a multiplier 0, which has no logarithm: its block then has no multipliers.
 ///
 /// Start nodes come from stages that wrong cycles did not affect. With them, gross errors are visible at once and are
@@ -93,8 +97,9 @@ private:
         bool multipliers = false;  ///< included in the layout
         int taken_back = 0;
     };
-    /// Vectors in that memory for each cycle; after them one with what rejected_at_start() says.
-    static constexpr std::size_t memory_parts = 4;
+    /// Vectors in that memory for each cycle; after them one with what rejected_at_start() says. The last of a cycle is
+    /// its gain (CommonErrorStep); empty: it tells nothing about the errors of others.
+    static constexpr std::size_t memory_parts = 5;
     [[nodiscard]] Known known(const estimator::ActiveSet& active, std::size_t block) const;
     static void remember(estimator::ActiveSet& active, std::size_t block, const Known& known);
     [[nodiscard]] static bool has_multipliers(const estimator::ActiveSet& active, std::size_t block);
@@ -121,8 +126,17 @@ private:
     void gate_start(const std::vector<periodic::PeriodicOrbit>& solved, const Eigen::VectorXd& start);
     /// Lays out a block with or without its multipliers. @return whether any record is left.
     bool lay_out(estimator::ActiveSet& active, std::size_t block, const periodic::PeriodicOrbit& orbit) const;
-    [[nodiscard]] static double mean_square(const estimator::BlockLayout& block, const Eigen::VectorXd& e,
-                                            const Eigen::VectorXd& scales);
+    /// Covariance of a block's records by itself, and what they share with other cycles; both empty with equal weights,
+    /// the latter also without common errors.
+    [[nodiscard]] Eigen::MatrixXd own_shape(const estimator::ActiveSet& active, std::size_t block) const;
+    [[nodiscard]] Eigen::MatrixXd own_common(const estimator::ActiveSet& active, std::size_t block) const;
+    /// Shapes of all blocks, each given the active ones before it.
+    void link(estimator::ActiveSet& active) const;
+    /// Subtracts from the errors of all blocks what those before them tell.
+    void subtract_known(const estimator::ActiveSet& active, std::vector<estimator::BlockValue>& values,
+                        bool derivatives) const;
+    [[nodiscard]] double mean_square(const estimator::ActiveSet& active, std::size_t block, const Eigen::VectorXd& e,
+                                     const Eigen::VectorXd& scales) const;
 
     std::shared_ptr<const models::System> system_;
     models::ParameterBinding binding_;
@@ -130,7 +144,8 @@ private:
     PointReading reading_;
     CycleResidualOptions options_;
     CycleTargets targets_;
-    Eigen::VectorXd scale_;  ///< of the model's coordinates
+    Eigen::VectorXd scale_;    ///< of the model's coordinates
+    Eigen::Index shared_ = 0;  ///< columns of the errors that cycles share
     estimator::ActiveSet initial_;
 };
 

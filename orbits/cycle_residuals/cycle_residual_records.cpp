@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "models/arithmetic/cholesky_factor.hpp"
+#include "orbits/cycle_residuals/common_error_filter.hpp"
 #include "orbits/cycle_residuals/cycle_residual.hpp"
 #include "periodic/stability/stability.hpp"
 
@@ -20,7 +22,6 @@ bool CycleResidual::lay_out(estimator::ActiveSet& active, std::size_t block, con
         std::none_of(target.multipliers.begin(), target.multipliers.end(), vanishes) && !target.multipliers.empty();
     remember(active, block, known);
     const Index n = target.points.rows();
-    const Index positions = target.positions ? target.points.size() : 0;
     const Index multipliers = known.multipliers ? target.ln_multiplier.size() : 0;
     const Index times = std::isfinite(target.time) ? 1 : 0;
     estimator::BlockLayout& layout = active.layout[block];
@@ -29,15 +30,82 @@ bool CycleResidual::lay_out(estimator::ActiveSet& active, std::size_t block, con
     const int of_multipliers = options_.targets.positions ? static_cast<int>(n) : 0;
     layout.group.insert(layout.group.end(), static_cast<std::size_t>(multipliers), of_multipliers);
     if (times > 0) layout.group.push_back(of_multipliers + (options_.targets.multipliers ? 1 : 0));
-    layout.shape.resize(0, 0);
-    if (options_.targets.weights == CycleWeights::covariance) {
-        layout.shape.setZero(std::ssize(layout.group), std::ssize(layout.group));
-        if (positions > 0) layout.shape.topLeftCorner(positions, positions) = target.covariance;
-        if (multipliers > 0)
-            layout.shape.block(positions, positions, multipliers, multipliers) = target.multiplier_covariance;
-        if (times > 0) layout.shape.bottomRightCorner<1, 1>()(0, 0) = target.time_sd * target.time_sd;
-    }
     return !layout.group.empty();
+}
+
+MatrixXd CycleResidual::own_shape(const estimator::ActiveSet& active, std::size_t block) const {
+    const CycleTarget& target = targets_.targets[block];
+    const auto records = static_cast<Index>(active.layout[block].group.size());
+    if (options_.targets.weights != CycleWeights::covariance) return {};
+    MatrixXd shape = MatrixXd::Zero(records, records);
+    const Index positions = target.positions ? target.points.size() : 0;
+    const Index multipliers = has_multipliers(active, block) ? target.ln_multiplier.size() : 0;
+    if (positions > 0) shape.topLeftCorner(positions, positions) = target.covariance;
+    if (multipliers > 0) shape.block(positions, positions, multipliers, multipliers) = target.multiplier_covariance;
+    if (std::isfinite(target.time)) shape.bottomRightCorner<1, 1>()(0, 0) = target.time_sd * target.time_sd;
+    return shape;
+}
+
+MatrixXd CycleResidual::own_common(const estimator::ActiveSet& active, std::size_t block) const {
+    const CycleTarget& target = targets_.targets[block];
+    if (target.common.size() == 0) return {};
+    MatrixXd common = MatrixXd::Zero(std::ssize(active.layout[block].group), shared_);
+    const Index positions = target.positions ? target.points.size() : 0;
+    const Index multipliers = has_multipliers(active, block) ? target.ln_multiplier.size() : 0;
+    common.topRows(positions) = target.common.topRows(positions);
+    common.middleRows(positions, multipliers) = target.common.bottomRows(multipliers);
+    return common;
+}
+
+double CycleResidual::mean_square(const estimator::ActiveSet& active, std::size_t block, const VectorXd& e,
+                                  const VectorXd& scales) const {
+    VectorXd whitened = e;
+    for (Index i = 0; i < e.size(); ++i)
+        whitened(i) /= scales(active.layout[block].group[static_cast<std::size_t>(i)]);
+    const MatrixXd shape = own_shape(active, block);
+    if (shape.size() > 0) models::CholeskyFactor(shape).solve_lower_in_place(whitened);
+    return whitened.squaredNorm() / static_cast<double>(e.size());
+}
+
+void CycleResidual::link(estimator::ActiveSet& active) const {
+    CommonErrorFilter filter(shared_);
+    for (std::size_t b = 0; b < active.layout.size(); ++b) {
+        estimator::BlockLayout& layout = active.layout[b];
+        VectorXd& gain = active.memory[memory_parts * b + 4];
+        gain.resize(0);
+        layout.shape = own_shape(active, b);
+        const MatrixXd common = own_common(active, b);
+        if (common.size() == 0) continue;
+        // Points and multipliers by themselves: what links them is in the common errors.
+        const Index positions = targets_.targets[b].positions ? targets_.targets[b].points.size() : 0;
+        const Index others = layout.shape.rows() - positions;
+        layout.shape.topLeftCorner(positions, positions) -=
+            common.topRows(positions) * common.topRows(positions).transpose();
+        layout.shape.bottomRightCorner(others, others) -=
+            common.bottomRows(others) * common.bottomRows(others).transpose();
+        CommonErrorStep step = filter.next(common, layout.shape, layout.active);
+        layout.shape = std::move(step.shape);
+        gain = step.gain.reshaped();
+    }
+}
+
+void CycleResidual::subtract_known(const estimator::ActiveSet& active, std::vector<estimator::BlockValue>& values,
+                                   bool derivatives) const {
+    CommonErrorMean known(shared_, 1 + (derivatives ? binding_.estimated_count : 0));
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        estimator::BlockValue& value = values[b];
+        const MatrixXd common = own_common(active, b);
+        if (common.size() > 0 && value.status == estimator::BlockStatus::ok && value.e.size() > 0) {
+            MatrixXd e(value.e.size(), 1 + value.e_theta.cols());
+            e << value.e, value.e_theta;
+            known.take_from(common, e);
+            const VectorXd& gain = active.memory[memory_parts * b + 4];
+            if (gain.size() > 0) known.learn(gain.reshaped(shared_, e.rows()), e);
+            value.e = e.col(0);
+            value.e_theta = e.rightCols(e.cols() - 1);
+        }
+        if (!active.layout[b].active) value = {};
+    }
 }
 
 std::optional<VectorXd> CycleResidual::residual(const estimator::ActiveSet& active, std::size_t block,

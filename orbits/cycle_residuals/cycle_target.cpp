@@ -173,6 +173,21 @@ void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, Cyc
               "cycle {}: covariance of ln|multiplier| must be symmetric and positive definite", target.cycle);
 }
 
+/// The rows of Cycle::common that belong to the records of the target.
+void take_common(const Cycle& cycle, const CycleTargetOptions& options, CycleTarget& target) {
+    if (options.weights != CycleWeights::covariance || cycle.common.size() == 0) return;
+    refuse_if(
+        cycle.common.rows() != cycle.points.size() + cycle.ln_multiplier.size() || !cycle.common.allFinite(),
+        "cycle {}: common errors have {} rows, must have {} (coordinates of points, then multipliers), all finite",
+        target.cycle, cycle.common.rows(), cycle.points.size() + cycle.ln_multiplier.size());
+    std::vector<Index> rows;
+    for (Index k = 0; k < cycle.points.size(); ++k)
+        rows.push_back(k);
+    for (const std::size_t m : target.multipliers)
+        rows.push_back(cycle.points.size() + static_cast<Index>(m));
+    target.common = cycle.common(rows, Eigen::all);
+}
+
 }  // namespace
 
 CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::span<const Index> free,
@@ -202,6 +217,7 @@ CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::s
         if (target.positions) take_positions(cycle, scale, options, target);
         if (options.multipliers) take_multipliers(cycle, options, target);
         if (options.times) take_time(cycle, options, target);
+        take_common(cycle, options, target);
         if (target.positions || !target.multipliers.empty() || std::isfinite(target.time))
             result.targets.push_back(std::move(target));
     }

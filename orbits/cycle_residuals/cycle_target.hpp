@@ -59,9 +59,12 @@ struct CycleTarget {
     /// The multipliers used, as indices into those of the model's orbit (largest modulus first). Complex pairs: the
     /// first of each; empty: none.
     std::vector<std::size_t> multipliers;
-    std::vector<bool> pair;                                  ///< whether each is the first of a complex pair
-    Eigen::VectorXd ln_multiplier;                           ///< ln|multiplier| as measured, same length
-    Eigen::MatrixXd multiplier_covariance;                   ///< of these; empty = identity
+    std::vector<bool> pair;                 ///< whether each is the first of a complex pair
+    Eigen::VectorXd ln_multiplier;          ///< ln|multiplier| as measured, same length
+    Eigen::MatrixXd multiplier_covariance;  ///< of these; empty = identity
+    /// Errors shared with other cycles (Cycle::common), rows: the points, then the multipliers used; part of both
+    /// covariances. Empty: none.
+    Eigen::MatrixXd common;
     double time = std::numeric_limits<double>::quiet_NaN();  ///< [s]; nan: not used
     double time_sd = 1.0;                                    ///< weights "equal": 1
 };

@@ -21,9 +21,13 @@ struct Cycle {
     std::vector<int> rotation;   ///< turns per cycle, one per angle; empty: unknown
     Eigen::MatrixXd points;      ///< shape (n, p), angles in (-pi, pi]
     Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest: joint, of all points; never zero
-    std::vector<std::complex<double>> multipliers;              ///< largest modulus first
-    Eigen::VectorXd ln_multiplier;                              ///< ln |multiplier|, same order
-    Eigen::MatrixXd ln_multiplier_covariance;                   ///< shape (n, n)
+    std::vector<std::complex<double>> multipliers;  ///< largest modulus first
+    Eigen::VectorXd ln_multiplier;                  ///< ln |multiplier|, same order
+    Eigen::MatrixXd ln_multiplier_covariance;       ///< shape (n, n)
+    /// Errors that this cycle shares with the others of its list, because one map gave them all: G, shape (n p + n, r),
+    /// rows as `covariance`, then as `ln_multiplier`; Cov(cycle c, cycle d) = G_c G_d'. G G' is part of both
+    /// covariances. Empty: no errors are known to be shared, or the earlier partner of a mirror pair has them.
+    Eigen::MatrixXd common;
     double time = std::numeric_limits<double>::quiet_NaN();     ///< [s] until it closes; nan: the series has no times
     double time_sd = std::numeric_limits<double>::quiet_NaN();  ///< [s]
     std::string code;             ///< one symbol per point, see CycleSearchOptions::partition; empty: no partition

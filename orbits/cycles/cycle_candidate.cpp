@@ -27,6 +27,10 @@ Cycle plain(const SectionPoints& section, const CycleCandidate& draft) {
     cycle.multipliers = draft.multipliers.values;
     cycle.ln_multiplier = draft.multipliers.ln_modulus;
     cycle.ln_multiplier_covariance = draft.ln_multiplier_covariance;
+    if (draft.common.size() > 0) {
+        cycle.common = draft.common;
+        cycle.common.topRows(n * p) = unit.asDiagonal() * draft.common.topRows(n * p);
+    }
     cycle.time = draft.time;
     cycle.time_sd = draft.time_sd;
     cycle.recurrences = draft.recurrences;
@@ -164,6 +168,7 @@ void publish(const SectionPoints& section, const CycleCandidate& draft, double t
         return;
     }
     CycleCandidate partner = draft;
+    partner.common.resize(0, 0);
     for (Eigen::Index j = 0; j < p; ++j)
         partner.points.col(j) = section.wrapped(section.signs().cwiseProduct(draft.points.col(j)));
     const Eigen::VectorXd signs = section.signs().replicate(p, 1);

@@ -21,7 +21,8 @@ struct CycleCandidate {
     Eigen::MatrixXd points;      ///< shape (n, p), wrapped
     Eigen::MatrixXd covariance;  ///< shape (n p, n p), coordinate fastest
     CycleMultipliers multipliers;
-    Eigen::MatrixXd ln_multiplier_covariance;                   ///< shape (n, n)
+    Eigen::MatrixXd ln_multiplier_covariance;  ///< shape (n, n)
+    Eigen::MatrixXd common;                    ///< see Cycle::common; of one finder the columns mean the same for all
     double time = std::numeric_limits<double>::quiet_NaN();     ///< [s]
     double time_sd = std::numeric_limits<double>::quiet_NaN();  ///< [s]
     std::size_t recurrences = 0;

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "models/arithmetic/cholesky_factor.hpp"
+#include "orbits/cycles/common_errors.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/local_maps/manifold_map.hpp"
 #include "orbits/local_maps/noise_level.hpp"
@@ -203,6 +204,7 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
             publish(section, draft, draft.same_within.value_or(tolerance), result.cycles);
         }
     }
+    shorten_common_errors(result.cycles);
     if (options.partition)
         for (Cycle& cycle : result.cycles)
             cycle.code = symbolic_code(*options.partition, cycle.points);

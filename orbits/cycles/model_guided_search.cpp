@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "orbits/cycles/common_errors.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/expected_cycle.hpp"
 #include "orbits/local_maps/monomials.hpp"
@@ -129,10 +130,41 @@ public:
             draft.quality.emplace_back("looked for where the model has an orbit");
             publish(section_, draft, tolerance(draft), result_.cycles);
         }
+        if (std::any_of(result_.cycles.begin(), result_.cycles.end(),
+                        [](const Cycle& c) { return c.common.size() > 0; }))
+            share_errors(*finder);
         return std::move(result_);
     }
 
 private:
+    // The errors that new and known cycles share: those of one map, on which the known ones are closed again.
+    void share_errors(const CycleFinder& finder) {
+        std::vector<std::size_t> tried;
+        std::vector<CycleCandidate> starts;
+        for (std::size_t c = 0; c < known_.size(); ++c) {
+            if (known_[c].points.rows() != section_.dimension() || (known_[c].mirror && *known_[c].mirror < c))
+                continue;
+            tried.push_back(c);
+            starts.emplace_back().points = scaled_points(section_, known_[c]);
+        }
+        const std::vector<std::optional<CycleCandidate>> fitted = finder.polish(starts);
+        std::vector<Cycle> all = result_.cycles;
+        std::vector<std::size_t> place(known_.size(), 0);  // in `all`; 0: not closed again (new cycles come first)
+        for (std::size_t k = 0; k < tried.size(); ++k) {
+            if (!fitted[k] || cycle_distance(section_, fitted[k]->points, starts[k].points, 0, false) >
+                                  fitted[k]->same_within.value_or(0.0))
+                continue;
+            place[tried[k]] = all.size();
+            publish(section_, *fitted[k], tolerance(*fitted[k]), all);
+        }
+        shorten_common_errors(all);
+        for (std::size_t c = 0; c < result_.cycles.size(); ++c)
+            result_.cycles[c].common = std::move(all[c].common);
+        result_.known_common.resize(known_.size());
+        for (std::size_t c = 0; c < known_.size(); ++c)
+            if (place[c] > 0) result_.known_common[c] = std::move(all[place[c]].common);
+    }
+
     // Orbits that no known cycle belongs to.
     [[nodiscard]] std::vector<std::size_t> without_cycle(const std::vector<ExpectedCycle>& orbits) const {
         std::vector<char> taken(orbits.size(), 0);

@@ -35,6 +35,9 @@ struct ModelGuidedSearchOptions {
 struct ModelGuidedSearch {
     /// New cycles, measured in the series, none of them known before. Indices of mirror partners refer to this list.
     std::vector<Cycle> cycles;
+    /// Cycle::common of every known cycle that the same map gives again: in the terms of the new ones, which replace
+    /// the old ones. Empty entries, or an empty list: nothing is known to be shared with the new cycles.
+    std::vector<Eigen::MatrixXd> known_common;
     std::size_t orbits = 0;       ///< of the model at the requested periods, one of every mirror pair
     std::size_t candidates = 0;   ///< of these: orbits to which no known cycle belongs
     std::size_t not_visited = 0;  ///< of the candidates: the series has too few points near them

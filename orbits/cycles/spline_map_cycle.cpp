@@ -16,9 +16,10 @@ constexpr double spline_step_cap = 0.04;
 constexpr double converged_spline_step = 1e-12;
 constexpr int most_spline_steps = 40;
 
-// Covariance of the errors of the map at a cycle's points: of each, the value, then the columns of the jacobian.
-Eigen::MatrixXd map_errors(const SplineMapFit& fit, const Eigen::MatrixXd& points,
-                           const std::vector<MapValue>& values) {
+// Errors of the map at a cycle's points by those of its coefficients, K' z with independent z: of each point the value,
+// then the columns of the jacobian. Shape (entries, coefficients).
+Eigen::MatrixXd coefficient_errors(const SplineMapFit& fit, const Eigen::MatrixXd& points,
+                                   const std::vector<MapValue>& values) {
     const Eigen::Index n = points.rows(), p = points.cols(), entries = n * (n + 1);
     const auto size = static_cast<std::size_t>(fit.map.basis().unknowns());
     // rows: root (value and jacobian entries of all points)', one column per entry
@@ -40,7 +41,13 @@ Eigen::MatrixXd map_errors(const SplineMapFit& fit, const Eigen::MatrixXd& point
                 }
             }
     }
-    Eigen::MatrixXd errors = image.transpose() * image;
+    return image.transpose();
+}
+
+// Covariance of the same errors, with that of what the patches do not represent.
+Eigen::MatrixXd map_errors(const SplineMapFit& fit, const Eigen::MatrixXd& points, const Eigen::MatrixXd& image) {
+    const Eigen::Index n = points.rows(), p = points.cols(), entries = n * (n + 1);
+    Eigen::MatrixXd errors = image * image.transpose();
     for (Eigen::Index j = 0; j < p; ++j) {
         const Eigen::VectorXd& missed = fit.model_error.variance(fit.map.basis(), points.col(j).data());
         for (Eigen::Index d = 0; d < n; ++d) {
@@ -108,7 +115,8 @@ CycleCandidate draft_of(const SectionPoints& section, const SplineMapFit& fit, c
         jacobians.push_back(value.jacobian);
         turns += value.displacement;
     }
-    const Eigen::MatrixXd errors = map_errors(fit, points, values);
+    const Eigen::MatrixXd image = coefficient_errors(fit, points, values);
+    const Eigen::MatrixXd errors = map_errors(fit, points, image);
 
     CycleCandidate draft;
     draft.points = points;
@@ -130,6 +138,8 @@ CycleCandidate draft_of(const SectionPoints& section, const SplineMapFit& fit, c
     }
     draft.covariance = floored_covariance(to_points * errors * to_points.transpose());
     draft.ln_multiplier_covariance = floored_covariance(to_multipliers * errors * to_multipliers.transpose());
+    draft.common.resize(n * p + n, image.cols());
+    draft.common << to_points * image, to_multipliers * image;
     if (section.turns_known()) {
         std::vector<double> advance;
         for (Eigen::Index d = 0; d < n; ++d)

@@ -139,6 +139,10 @@ void bind_cycles(py::module_& module) {
         .def_property_readonly("multipliers", memory_of(&Cycle::multipliers))
         .def_property_readonly("ln_multiplier", memory_of(&Cycle::ln_multiplier))
         .def_property_readonly("ln_multiplier_covariance", written_memory_of(&Cycle::ln_multiplier_covariance))
+        .def_property_readonly(
+            "common_errors", written_memory_of(&Cycle::common),
+            "G, shape (period n + n, columns): of the covariance G_c G_d' of this cycle's points and\n"
+            "ln |multipliers| with those of others in its list; empty: none are known")
         .def_readonly("time", &Cycle::time)
         .def_readonly("time_sd", &Cycle::time_sd)
         .def_readonly("code", &Cycle::code, "one symbol per point; empty without a partition")

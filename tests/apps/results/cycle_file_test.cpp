@@ -50,6 +50,7 @@ apps::CycleFile two_cycles() {
         cycle.multipliers = {{-5.0 / 3.0, 0.0}, {-0.1, 1e-3 / 3.0}};
         cycle.ln_multiplier = Eigen::Vector2d(std::log(5.0 / 3.0), -2.3);
         cycle.ln_multiplier_covariance = Eigen::Matrix2d::Identity() / 3.0;
+        cycle.common = Eigen::MatrixXd::Constant(2 * period + 2, 3, 1.0 / 7e6);
         cycle.recurrences = 17;
         cycle.quality = {"few neighbours"};
         cycle.time = 2.0 / 3.0 * period;
@@ -108,6 +109,7 @@ TEST_CASE("cycles read back to the bit", "[apps]") {
         CHECK(is.multipliers == was.multipliers);
         CHECK(is.ln_multiplier == was.ln_multiplier);
         CHECK(is.ln_multiplier_covariance == was.ln_multiplier_covariance);
+        CHECK(is.common == was.common);
         CHECK(is.recurrences == was.recurrences);
         CHECK(is.mirror == was.mirror);
         CHECK(is.quality == was.quality);

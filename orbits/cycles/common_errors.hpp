@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "orbits/cycles/cycle.hpp"
+
+namespace orbid::orbits {
+
+/// Writes the errors that cycles share (Cycle::common) with as few columns as they need.
+///
+/// Cycles of one map share the errors of its coefficients, thousands of them. Their joint covariance is that of some
+/// hundred columns and a remainder, of which no record keeps more than `shared_remainder` of its shared variance. What
+/// is left out stays in the cycles' own covariances, so that it counts as independent: nothing is taken for better
+/// known than it is.
+///
+/// Incomplete Cholesky factor with pivots of the covariance in units of the records' own sds; the next pivot is the
+/// record with the largest remainder. (Harbrecht, Peters, Schneider, Applied Numerical Mathematics 62:428-440, 2012.)
+///
+/// @param cycles  all with as many columns, or none. Entries without remain so.
+/// Cost: records x columns (old + new) x new columns; memory records x old columns.
+void shorten_common_errors(std::vector<Cycle>& cycles);
+
+inline constexpr double shared_remainder = 1e-3;
+
+}  // namespace orbid::orbits
