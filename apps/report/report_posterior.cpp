@@ -67,17 +67,19 @@ std::string sample_table(const Json& posterior) {
 }
 
 std::string interval_between(const Json& entry, const char* ends) {
-    return posterior_interval_text({{"interval95", block_at(entry, ends)}, {"sd", entry.value("bootstrap_sd", Json())}});
+    return posterior_interval_text(
+        {{"interval95", block_at(entry, ends)}, {"sd", entry.value("bootstrap_sd", Json())}});
 }
 
 /// Sds and intervals by simulation beside those by curvature.
 std::string simulated_table(const Json& intervals) {
-    SummaryTable table({left_aligned("quantity"), "sd by curvature", "sd by simulation",
-                        explained("bias", "mean of the replicates minus the estimate, in sds of theirs"),
-                        explained(left_aligned("percentile 95 %"), "where 95 % of the replicates lie"),
-                        explained(left_aligned("studentised 95 %"),
-                                  "by the replicates' deviations over their own sds: free of bias, as wide as they ask"),
-                        left_aligned("unit"), left_aligned("remark")});
+    SummaryTable table(
+        {left_aligned("quantity"), "sd by curvature", "sd by simulation",
+         explained("bias", "mean of the replicates minus the estimate, in sds of theirs"),
+         explained(left_aligned("percentile 95 %"), "where 95 % of the replicates lie"),
+         explained(left_aligned("studentised 95 %"),
+                   "by the replicates' deviations over their own sds: free of bias, as wide as they ask"),
+         left_aligned("unit"), left_aligned("remark")});
     const bool refused = !text_at(intervals, "refused").empty();
     for (const char* list : {"parameters", "derived", "errors"}) {
         for (const auto& [name, entry] : block_at(intervals, list).items()) {

@@ -105,10 +105,11 @@ std::string bootstrap_summary(const estimator::Bootstrap& bootstrap) {
                         left_aligned("percentile 95 %"), left_aligned("studentised 95 %"), left_aligned("")});
     for (const auto* x : all_quantities(bootstrap)) {
         const double bias = x->bias / x->bootstrap_sd;
-        table.add({x->name, x->unit, significant(x->sd, 3), significant(x->bootstrap_sd, 3),
-                   std::isfinite(bias) ? fmt::format("{:+.2f} \u00b1 {:.2f}", bias, x->bias_error / x->bootstrap_sd) : "",
-                   interval_text(x->percentile_lower, x->percentile_upper, x->bootstrap_sd),
-                   interval_text(x->studentised_lower, x->studentised_upper, x->bootstrap_sd), x->remark});
+        table.add(
+            {x->name, x->unit, significant(x->sd, 3), significant(x->bootstrap_sd, 3),
+             std::isfinite(bias) ? fmt::format("{:+.2f} \u00b1 {:.2f}", bias, x->bias_error / x->bootstrap_sd) : "",
+             interval_text(x->percentile_lower, x->percentile_upper, x->bootstrap_sd),
+             interval_text(x->studentised_lower, x->studentised_upper, x->bootstrap_sd), x->remark});
     }
     std::string out = table.text();
     out += fmt::format("  {} records drawn anew: {}; {} failed\n", bootstrap.replicates.size(), drawn_from(bootstrap),

@@ -8,8 +8,7 @@ namespace orbid::estimator {
 namespace {
 
 /// Autocovariances about the mean of all, R(0) ... R(lags); the divisor is the number of all records.
-std::vector<double> autocovariances(const std::vector<std::vector<double>>& sequences, double count,
-                                    std::size_t lags) {
+std::vector<double> autocovariances(const std::vector<std::vector<double>>& sequences, double count, std::size_t lags) {
     double mean = 0.0;
     for (const auto& sequence : sequences)
         for (const double error : sequence)

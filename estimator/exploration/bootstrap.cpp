@@ -181,9 +181,9 @@ Bootstrap bootstrap(const std::vector<FreeParameter>& parameters, const std::vec
                     const std::vector<DerivedQuantity>& derived, const EstimateOptions& options,
                     const Estimate& estimate, const BootstrapOptions& asked) {
     if (asked.replicates < least_replicates)
-        throw std::invalid_argument(fmt::format(
-            "replicates = {} must be {} or more: the ends of a 95 % interval would lie beyond all of them",
-            asked.replicates, least_replicates));
+        throw std::invalid_argument(
+            fmt::format("replicates = {} must be {} or more: the ends of a 95 % interval would lie beyond all of them",
+                        asked.replicates, least_replicates));
     const RecordDraws draws(residuals, estimate, asked.draws);
     const Replication replication(parameters, residuals, derived, options, estimate, draws, asked.draws.seed);
     std::vector<bool> there(asked.replicates, false);

@@ -34,11 +34,11 @@ struct BootstrapReplicate {
 struct BootstrapQuantity {
     std::string name;  ///< of a parameter or derived quantity; "series.u.scale" of an error scale
     std::string unit;
-    double value = 0.0;                                               ///< the estimate
-    double sd = std::numeric_limits<double>::quiet_NaN();             ///< of the estimate, by curvature or sandwich
-    double bootstrap_sd = std::numeric_limits<double>::quiet_NaN();   ///< of the replicates about their mean
-    double bias = std::numeric_limits<double>::quiet_NaN();           ///< their mean minus the estimate
-    double bias_error = std::numeric_limits<double>::quiet_NaN();     ///< sd of the bias, by the number of replicates
+    double value = 0.0;                                              ///< the estimate
+    double sd = std::numeric_limits<double>::quiet_NaN();            ///< of the estimate, by curvature or sandwich
+    double bootstrap_sd = std::numeric_limits<double>::quiet_NaN();  ///< of the replicates about their mean
+    double bias = std::numeric_limits<double>::quiet_NaN();          ///< their mean minus the estimate
+    double bias_error = std::numeric_limits<double>::quiet_NaN();    ///< sd of the bias, by the number of replicates
     double percentile_lower = std::numeric_limits<double>::quiet_NaN();
     double percentile_upper = std::numeric_limits<double>::quiet_NaN();
     double studentised_lower = std::numeric_limits<double>::quiet_NaN();
@@ -55,8 +55,8 @@ struct BootstrapFailure {
 
 struct Bootstrap {
     ErrorDraw kind = ErrorDraw::parametric;
-    std::size_t block = 1;  ///< length of the longest blocks, in records
-    std::size_t asked = 0;  ///< replicates
+    std::size_t block = 1;                       ///< length of the longest blocks, in records
+    std::size_t asked = 0;                       ///< replicates
     std::vector<BootstrapReplicate> replicates;  ///< those that have run, by number
     std::size_t failed = 0;
     std::vector<BootstrapFailure> failures;

@@ -164,8 +164,8 @@ Bootstrap bootstrap_summary(const std::vector<FreeParameter>& parameters, const 
     for (const EstimatedScale& scale : estimate.scales) {
         if (!scale.estimated) continue;
         const bool held = scale.interval_method == IntervalMethod::none;
-        result.errors.push_back(quantities.next(scale.group + ".scale", scale.unit, scale.value, scale.uncertainty,
-                                                logarithmic, held));
+        result.errors.push_back(
+            quantities.next(scale.group + ".scale", scale.unit, scale.value, scale.uncertainty, logarithmic, held));
     }
     return result;
 }

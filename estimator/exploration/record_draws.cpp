@@ -6,10 +6,8 @@
 #include <utility>
 #include <variant>
 
-#include <boost/math/distributions/students_t.hpp>
-
-#include "estimator/errors/error_density.hpp"
 #include "estimator/exploration/block_resampling.hpp"
+#include "estimator/exploration/unit_error.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "models/definition/wrong_data.hpp"
 
@@ -36,29 +34,6 @@ double shape_of(const ErrorDistribution& distribution, const EstimatedScale& sca
     if (const auto* relative = std::get_if<RelativeErrors>(&distribution)) value = relative->relative.value;
     if (const auto* chain = std::get_if<AutoregressiveErrors>(&distribution)) value = chain->correlation.value;
     return scale.shape.empty() ? value : scale.shape.front().value;
-}
-
-/// One error of scale 1. @param before  of the record before it, of autoregressive errors.
-double unit_error(const ErrorDistribution& distribution, double shape, const double* before, RandomStream& random) {
-    if (std::holds_alternative<StudentErrors>(distribution))
-        return boost::math::quantile(boost::math::students_t(shape), random.uniform());
-    if (std::holds_alternative<LaplaceErrors>(distribution)) {
-        // Laplace's own density, taken with the ratio of the rounded one to it: all but one in a hundred.
-        while (true) {
-            const double side = random.uniform(-1.0, 1.0);
-            const double size = -std::log(1.0 - std::abs(side));
-            const double rounded = std::hypot(size, detail::laplace_rounding);
-            if (random.uniform() < std::exp(size - rounded)) return std::copysign(size, side);
-        }
-    }
-    const double normal = random.normal();
-    if (!std::holds_alternative<AutoregressiveErrors>(distribution) || before == nullptr) return normal;
-    return shape * *before + std::sqrt(1.0 - shape * shape) * normal;
-}
-
-/// Laws whose scale is the root mean square of their errors.
-bool has_unit_square(const ErrorDistribution& distribution) {
-    return !std::holds_alternative<StudentErrors>(distribution) && !std::holds_alternative<LaplaceErrors>(distribution);
 }
 
 /// Blocks of a residual in chains, each from its first block on.
@@ -103,8 +78,7 @@ RecordDraws::RecordDraws(const std::vector<const Residual*>& residuals, const Es
     bool links_err = false;
     bool correlated = false;
     for (std::size_t r = 0; r < count; ++r) {
-        Source& source =
-            sources_.emplace_back(source_of(*residuals[r], estimate, r, channel, options.fixed_links_err));
+        Source& source = sources_.emplace_back(source_of(*residuals[r], estimate, r, channel, options.fixed_links_err));
         channel += source.channels.size();
         gather(source);
         links_err = links_err || std::any_of(source.channels.begin(), source.channels.end(), [](const Channel& one) {
@@ -113,11 +87,11 @@ RecordDraws::RecordDraws(const std::vector<const Residual*>& residuals, const Es
         correlated = correlated || is_correlated(source);
     }
     if (kind_ == ErrorDraw::blocks && links_err)
-        throw models::DataError("errors cannot be drawn in blocks where the nodes are matched with errors: nodes take "
-                                "up errors of readings, whose residuals are too small; draw parametric ones, or match "
-                                "exactly");
-    if (kind_ == ErrorDraw::automatic)
-        kind_ = correlated && !links_err ? ErrorDraw::blocks : ErrorDraw::parametric;
+        throw models::DataError(
+            "errors cannot be drawn in blocks where the nodes are matched with errors: nodes take "
+            "up errors of readings, whose residuals are too small; draw parametric ones, or match "
+            "exactly");
+    if (kind_ == ErrorDraw::automatic) kind_ = correlated && !links_err ? ErrorDraw::blocks : ErrorDraw::parametric;
 }
 
 RecordDraws::Source RecordDraws::source_of(const Residual& residual, const Estimate& estimate, std::size_t index,
@@ -144,14 +118,15 @@ RecordDraws::Source RecordDraws::source_of(const Residual& residual, const Estim
     }
     for (const JointCovariance& covariance : residual.covariances()) {
         const auto m = static_cast<Eigen::Index>(covariance.groups.size());
-        const auto found = std::find_if(
-            estimate.covariances.begin(), estimate.covariances.end(), [&](const EstimatedCovariance& one) {
+        const auto found =
+            std::find_if(estimate.covariances.begin(), estimate.covariances.end(), [&](const EstimatedCovariance& one) {
                 return one.groups.front() == active.groups[static_cast<std::size_t>(covariance.groups[0])].name;
             });
         if (found == estimate.covariances.end() || found->value.rows() != m) continue;
         Eigen::MatrixXd root = models::CholeskyFactor(found->value).lower();
         for (Eigen::Index i = 0; i < m; ++i)
-            root.row(i) /= source.channels[static_cast<std::size_t>(covariance.groups[static_cast<std::size_t>(i)])].scale;
+            root.row(i) /=
+                source.channels[static_cast<std::size_t>(covariance.groups[static_cast<std::size_t>(i)])].scale;
         source.joint.emplace_back(covariance.groups, std::move(root));
     }
     return source;
@@ -168,8 +143,9 @@ void RecordDraws::gather(Source& source) {
             for (std::size_t i = 0; i < block.group.size(); ++i) {
                 Channel& channel = source.channels[static_cast<std::size_t>(block.group[i])];
                 channel.sequences.back().push_back({b, static_cast<Eigen::Index>(i)});
-                channel.linked = channel.linked || (block.linked_from >= 0 && std::ssize(block.group) > block.linked_from &&
-                                                    static_cast<std::ptrdiff_t>(i) >= block.linked_from);
+                channel.linked =
+                    channel.linked || (block.linked_from >= 0 && std::ssize(block.group) > block.linked_from &&
+                                       static_cast<std::ptrdiff_t>(i) >= block.linked_from);
             }
         }
         for (Channel& channel : source.channels)

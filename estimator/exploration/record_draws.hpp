@@ -105,4 +105,3 @@ private:
 };
 
 }  // namespace orbid::estimator
-

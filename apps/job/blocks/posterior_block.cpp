@@ -47,9 +47,10 @@ const FieldTable<EstimateJob>& posterior_fields() {
 
 void check_replicates(const ValueReader& bootstrap, const Job&, IntervalsJob& intervals) {
     if (intervals.bootstrap == 0 || intervals.bootstrap >= IntervalsJob::least) return;
-    bootstrap.report(fmt::format("must be 0 or at least {}, not {}: the ends of a 95 % interval lie beyond the values "
-                                 "of fewer replicates",
-                                 IntervalsJob::least, intervals.bootstrap));
+    bootstrap.report(
+        fmt::format("must be 0 or at least {}, not {}: the ends of a 95 % interval lie beyond the values "
+                    "of fewer replicates",
+                    IntervalsJob::least, intervals.bootstrap));
 }
 
 const FieldTable<IntervalsJob>& interval_fields() {

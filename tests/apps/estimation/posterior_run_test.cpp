@@ -250,8 +250,9 @@ TEST_CASE("intervals by simulation stand beside those by curvature", "[apps][run
         }
     }
     CHECK(found["errors"].contains("series.u.scale"));
-    CHECK_THAT(done.outcome.out, ContainsSubstring("Intervals by simulation") &&
-                                     ContainsSubstring("200 records drawn anew: errors of the estimated laws; 0 failed"));
+    CHECK_THAT(done.outcome.out,
+               ContainsSubstring("Intervals by simulation") &&
+                   ContainsSubstring("200 records drawn anew: errors of the estimated laws; 0 failed"));
     const std::string report = orbid::apps::read_whole_file(folder.path() / "out" / "report.html");
     CHECK_THAT(report, ContainsSubstring("By simulation") && ContainsSubstring("studentised 95 %"));
     const std::string replicates = orbid::apps::read_whole_file(folder.path() / "out" / "bootstrap.csv");

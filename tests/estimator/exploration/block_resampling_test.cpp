@@ -18,8 +18,7 @@ std::vector<double> autoregression(std::size_t count, double correlation, std::u
     RandomStream random(3, RandomPurpose::reading_noise, index);
     std::vector<double> errors{random.normal()};
     while (errors.size() < count)
-        errors.push_back(correlation * errors.back() +
-                         std::sqrt(1.0 - correlation * correlation) * random.normal());
+        errors.push_back(correlation * errors.back() + std::sqrt(1.0 - correlation * correlation) * random.normal());
     return errors;
 }
 
