@@ -9,6 +9,7 @@
 #include "apps/results/posterior_results.hpp"
 #include "apps/results/strategy_results.hpp"
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/exploration/bootstrap.hpp"
 #include "estimator/exploration/multi_start.hpp"
 #include "identification/stages/stage_value.hpp"
 #include "orbits/cycles/cycle.hpp"
@@ -173,6 +174,11 @@ inline void fields(apps::Archive& archive, Marginal& value) {
            failed, evaluations] = value;
     archive(name, unit, known, message, mean, sd, median, lower95, upper95, lower_end, upper_end, full_hessian, points,
             failed, evaluations);
+}
+
+inline void fields(apps::Archive& archive, BootstrapReplicate& value) {
+    auto& [number, status, message, values, sds, evaluations] = value;
+    archive(number, status, message, values, sds, evaluations);
 }
 
 inline void fields(apps::Archive& archive, SampledQuantity& value) {

@@ -97,7 +97,39 @@ public:
         });
     }
 
+    /// @param compute  with these options.
+    template <class Compute>
+    void bootstrap(const IntervalsJob& job, const Compute& compute) {
+        attempt("intervals", [&] {
+            estimator::BootstrapOptions options;
+            options.replicates = job.bootstrap;
+            options.draws = {job.kind, work_.job.seed, has_given_links()};
+            (void)checkpoint_.recall("intervals", options.done);
+            options.keep = [this](std::vector<estimator::BootstrapReplicate> done) {
+                checkpoint_.keep("intervals", done);
+            };
+            options.progress = [this](std::size_t finished, std::size_t) {
+                work_.progress.at(static_cast<double>(finished));
+            };
+            if (!options.done.empty())
+                work_.progress.reused("intervals", fmt::format("{} of {} replicates, from checkpoint.bin",
+                                                               options.done.size(), job.bootstrap));
+            work_.progress.begin("intervals", static_cast<double>(job.bootstrap), "replicates");
+            results_.bootstrap = compute(options);
+            const estimator::Bootstrap& found = *results_.bootstrap;
+            if (found.replicates.size() > options.done.size()) options.keep(found.replicates);
+            work_.folder.store("bootstrap.csv", replicates_text(found));
+            work_.progress.end(fmt::format("{} replicates, {} failed", found.replicates.size(), found.failed));
+        });
+    }
+
 private:
+    /// Whether the matching of nodes has a sd that the job gives: that of errors which the model has.
+    [[nodiscard]] bool has_given_links() const {
+        const auto& series = work_.job.estimate->series;
+        return series && series->matching.kind == MatchingJob::Kind::given;
+    }
+
     /// Parameters and error parameters that are estimated.
     [[nodiscard]] std::size_t all_unknowns() const {
         std::size_t count = estimate_.parameters.size();
@@ -168,6 +200,10 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
             marginal.names = chosen(job.marginals, parameters);
             marginal.progress = progress;
             return estimator::marginals(parameters, residuals, quiet, estimate, marginal);
+        });
+    if (job.intervals.bootstrap > 0)
+        exploration.bootstrap(job.intervals, [&](const estimator::BootstrapOptions& asked) {
+            return estimator::bootstrap(parameters, residuals, derived, quiet, estimate, asked);
         });
     if (job.sample.draws > 0)
         exploration.sample(job.sample, [&](const estimator::SampleOptions& sample) {

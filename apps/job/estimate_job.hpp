@@ -15,6 +15,7 @@
 
 #include "apps/job/column_job.hpp"
 #include "apps/job/orbit_start.hpp"
+#include "estimator/exploration/record_draws.hpp"
 #include "estimator/interface/estimate_options.hpp"
 #include "estimator/interface/prior.hpp"
 #include "estimator/interface/residual.hpp"
@@ -126,6 +127,13 @@ struct SampleJob {
     std::size_t warm_up = 500;
 };
 
+/// Intervals by simulation; 0 replicates: none.
+struct IntervalsJob {
+    static constexpr std::size_t least = 40;  ///< replicates: the ends of a 95 % interval lie among them
+    std::size_t bootstrap = 0;
+    estimator::ErrorDraw kind = estimator::ErrorDraw::automatic;
+};
+
 /// A selection of estimated parameters.
 struct ParameterChoice {
     bool all = false;
@@ -151,6 +159,7 @@ struct EstimateJob {
     estimator::Variance variance = estimator::Variance::restricted;
     MultiStartJob multi_start;
     SampleJob sample;
+    IntervalsJob intervals;
     ParameterChoice profile;
     ParameterChoice marginals;
 

@@ -66,6 +66,56 @@ std::string sample_table(const Json& posterior) {
     return html_table("Draws from the posterior", table);
 }
 
+std::string interval_between(const Json& entry, const char* ends) {
+    return posterior_interval_text(
+        {{"interval95", block_at(entry, ends)}, {"sd", entry.value("bootstrap_sd", Json())}});
+}
+
+/// Sds and intervals by simulation beside those by curvature.
+std::string simulated_table(const Json& intervals) {
+    SummaryTable table(
+        {left_aligned("quantity"), "sd by curvature", "sd by simulation",
+         explained("bias", "mean of the replicates minus the estimate, in sds of theirs"),
+         explained(left_aligned("percentile 95 %"), "where 95 % of the replicates lie"),
+         explained(left_aligned("studentised 95 %"),
+                   "by the replicates' deviations over their own sds: free of bias, as wide as they ask"),
+         left_aligned("unit"), left_aligned("remark")});
+    const bool refused = !text_at(intervals, "refused").empty();
+    for (const char* list : {"parameters", "derived", "errors"}) {
+        for (const auto& [name, entry] : block_at(intervals, list).items()) {
+            // More than half a sd of bias, or an sd that is off by half, is no rounding of the number of replicates.
+            const double bias = number_at(entry, "bias_in_sds");
+            const double ratio = number_at(entry, "bootstrap_sd") / number_at(entry, "sd");
+            const bool far = ratio > 1.5 || ratio < 1.0 / 1.5;
+            const auto interval = [&](const char* ends) {
+                return refused || !block_at(entry, ends)[0].is_number() ? std::string() : interval_between(entry, ends);
+            };
+            table.add({name, number_cell(number_at(entry, "sd"), 3),
+                       number_cell(number_at(entry, "bootstrap_sd"), 3, far ? "caution" : ""),
+                       number_cell(bias, 2, std::abs(bias) > 0.5 ? "caution" : ""), interval("percentile95"),
+                       interval("studentised95"), text_at(entry, "unit"), text_at(entry, "remark")});
+        }
+    }
+    return html_table("Intervals by simulation", table);
+}
+
+std::string simulated_intervals(const Json& intervals) {
+    const auto count = [&](const char* key) { return fmt::format("{:.0f}", number_at(intervals, key)); };
+    const bool blocks = text_at(intervals, "kind") == "blocks";
+    std::string text = fmt::format(
+        "{} records were drawn anew from the estimate, with {}, and estimated again from there; {} failed.",
+        count("replicates"),
+        blocks ? fmt::format("its residuals in blocks of {}", count("block")) : "errors of the estimated laws",
+        count("failed"));
+    const std::string refused = text_at(intervals, "refused");
+    if (!refused.empty()) text += fmt::format(" No intervals: {}.", refused);
+    std::string html = html_paragraph(text);
+    for (const Json& failure : block_at(intervals, "failures"))
+        html += html_paragraph(fmt::format("{:.0f} {}: {}", number_at(failure, "count"), text_at(failure, "status"),
+                                           text_at(failure, "message")));
+    return html + simulated_table(intervals);
+}
+
 std::string starts_table(const Json& result) {
     const Json& optima = block_at(result, "optima");
     if (optima.empty()) return "";
@@ -103,6 +153,7 @@ ReportChapter posterior_chapter(const ReportSource& source) {
     const Json& profiles = block("profile");
     const Json& marginals = block("marginals");
     const Json& posterior = block("posterior");
+    const Json& intervals = block("intervals");
     if (!profiles.empty())
         chapter.html += html_headed(3, "Profiles",
                                     figure_html(profile_chart(source.run),
@@ -123,6 +174,7 @@ ReportChapter posterior_chapter(const ReportSource& source) {
                             "Draws of the parameters in pairs: what is long and narrow, or bent, is known as a "
                             "combination."));
     chapter.html += marginal_table(marginals) + sample_table(posterior);
+    if (!intervals.empty()) chapter.html += html_headed(3, "By simulation", simulated_intervals(intervals));
     chapter.html += html_headed(3, "Several starts", starts_table(result));
     return chapter;
 }

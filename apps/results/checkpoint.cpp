@@ -43,7 +43,11 @@ const std::string* Checkpoint::find(const std::string& name) const {
 }
 
 void Checkpoint::keep_bytes(const std::string& name, std::string bytes) {
-    kept_.emplace_back(name, std::move(bytes));
+    const auto before = std::find_if(kept_.begin(), kept_.end(), [&](const auto& one) { return one.first == name; });
+    if (before == kept_.end())
+        kept_.emplace_back(name, std::move(bytes));
+    else
+        before->second = std::move(bytes);
     std::string content;
     Archive archive(content);
     archive(fingerprint_, kept_);

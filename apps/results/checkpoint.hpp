@@ -36,7 +36,7 @@ public:
         return false;
     }
 
-    /// Stores a value under a name; it is complete in the folder when this returns.
+    /// Stores a value under a name, in place of the one that it has; it is complete in the folder when this returns.
     template <class T>
     void keep(const std::string& name, T& value) {
         std::string bytes;

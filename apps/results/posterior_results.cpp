@@ -184,6 +184,7 @@ void add_posterior(const PosteriorResults& results, Json& result) {
     result["marginals"] = refused_json(results, "marginals");
     for (const auto& marginal : results.marginals)
         result["marginals"][marginal.name] = marginal_json(marginal);
+    result["intervals"] = results.bootstrap ? bootstrap_json(*results.bootstrap) : refused_json(results, "intervals");
     result["optima"] = results.runs.empty() ? Json(nullptr) : optima_json(results);
     result["starts"] = results.runs.empty() ? Json(nullptr) : runs_json(results);
     result["diagnostics"] = Json::object();

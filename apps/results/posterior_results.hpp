@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "estimator/estimate/estimate.hpp"
+#include "estimator/exploration/bootstrap.hpp"
 #include "estimator/exploration/marginal.hpp"
 #include "estimator/exploration/multi_start.hpp"
 #include "estimator/exploration/profile.hpp"
@@ -33,6 +34,7 @@ struct PosteriorResults {
     std::optional<estimator::PosteriorSample> sample;
     std::vector<estimator::Profile> profiles;
     std::vector<estimator::Marginal> marginals;
+    std::optional<estimator::Bootstrap> bootstrap;
     std::vector<GroupDiagnostic> diagnostics;
     std::vector<std::pair<std::string, std::string>> refused;  ///< "posterior", "profile", ...: why it was not done
 };
@@ -40,12 +42,23 @@ struct PosteriorResults {
 /// "complete", "interrupted", "failed".
 [[nodiscard]] std::string_view name(estimator::SampleStatus status);
 
-/// Blocks of result.json: "posterior", "profile", "marginals", "optima", "diagnostics"; null if not requested.
+/// Blocks of result.json: "posterior", "profile", "marginals", "intervals", "optima", "diagnostics"; null if not
+/// requested.
 void add_posterior(const PosteriorResults& results, nlohmann::ordered_json& result);
 
 /// Content of posterior.csv: chain, draw, one column per sampled quantity, minus_log_density of the sampled
 /// coordinates; numbers read back to the bit. Chains and draws count from 1.
 [[nodiscard]] std::string draws_text(const estimator::PosteriorSample& sample);
+
+/// Blocks of result.json: "intervals".
+[[nodiscard]] nlohmann::ordered_json bootstrap_json(const estimator::Bootstrap& bootstrap);
+
+/// Content of bootstrap.csv: replicate from 1, status, then value and sd of each quantity; numbers read back to the
+/// bit. A replicate that has failed has empty cells.
+[[nodiscard]] std::string replicates_text(const estimator::Bootstrap& bootstrap);
+
+/// Table for standard output: sds and intervals by curvature and by simulation.
+[[nodiscard]] std::string bootstrap_summary(const estimator::Bootstrap& bootstrap);
 
 /// Tables for standard output; empty when nothing was requested.
 [[nodiscard]] std::string posterior_summary(const PosteriorResults& results);

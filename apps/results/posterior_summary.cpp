@@ -96,6 +96,7 @@ std::string posterior_summary(const PosteriorResults& results) {
     out += titled("Optima", optima_table(results));
     out += titled("Profile likelihood", profile_table(results.profiles));
     out += titled("Marginal densities (nested Laplace)", marginal_table(results.marginals));
+    if (results.bootstrap) out += titled("Intervals by simulation", bootstrap_summary(*results.bootstrap));
     if (results.sample) out += titled("Posterior sample", sample_table(*results.sample));
     std::string refused;
     for (const auto& [block, reason] : results.refused)

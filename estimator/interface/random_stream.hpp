@@ -19,7 +19,8 @@ enum class RandomPurpose : std::uint64_t {
     multi_start = 5,       ///< index = start
     prediction_draw = 6,   ///< index = draw
     campaign_draw = 7,     ///< index = what is drawn
-    resampling = 8         ///< index = column of the record
+    resampling = 8,        ///< index = column of the record
+    bootstrap = 9          ///< index = replicate, residual and group
 };
 
 /// Random numbers that depend on (seed, purpose, index, position) alone: any order of drawing, on any thread, gives the

@@ -268,7 +268,7 @@ void Posterior::use_spectrum() {
         const Eigen::VectorXd c = score_direction(Eigen::VectorXd::Unit(q, i));
         if (!(c.squaredNorm() > 0.0)) continue;
         const ScoreSpectrum::Ratio ratio = spectrum_->along(c);
-        variance[i] = laplace_(i, i) * ratio.value;
+        variance[i] = covariance_(i, i) * ratio.value;
         most = std::max(most, ratio.frequencies);
         fewest = std::min(fewest, ratio.frequencies);
         if (!ratio.enough)

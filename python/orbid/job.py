@@ -70,6 +70,18 @@ def _entry(entry: Mapping[str, Any]) -> ResultEntry:
                        entry.get("unit") or "", entry)
 
 
+def _table(path: pathlib.Path, text: Set[str]) -> npt.NDArray[Any]:
+    """A file of columns as a structured array: those of `text` as str, others as float64 (empty cells nan)."""
+    with open(path, newline="", encoding="utf-8") as file:
+        header, *rows = list(csv.reader(file))
+    columns = []
+    for k, name in enumerate(header):
+        cells = [row[k] for row in rows]
+        columns.append(np.array(cells, dtype=np.str_) if name in text else
+                       np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64))
+    return np.rec.fromarrays(columns, names=header).view(np.ndarray)  # type: ignore[call-overload, no-any-return]
+
+
 class Run:
     """A run and its folder of results."""
 
@@ -105,17 +117,23 @@ class Run:
         return {name: _entry(entry) for name, entry in self.result.get("derived", {}).items()}
 
     @property
+    def intervals(self) -> Dict[str, Mapping[str, Any]]:
+        """Intervals by simulation, by name: entries of "intervals" in result.json; error scales as "series.u.scale".
+        Empty: the job asks for none, or they were refused."""
+        block = self.result.get("intervals") or {}
+        return {name: entry for kind in ("parameters", "derived", "errors")
+                for name, entry in (block.get(kind) or {}).items()}
+
+    @property
+    def replicates(self) -> npt.NDArray[Any]:
+        """bootstrap.csv as a structured array: "replicate", "status", and "NAME", "sd(NAME)" of each quantity (nan of
+        those that failed)."""
+        return _table(self.folder / "bootstrap.csv", {"status"})
+
+    @property
     def residuals(self) -> npt.NDArray[Any]:
         """residuals.csv as a structured array: text columns as str, numbers as float64 (empty cells nan)."""
-        with open(self.folder / "residuals.csv", newline="", encoding="utf-8") as file:
-            header, *rows = list(csv.reader(file))
-        text = {"experiment", "segment_or_cycle", "coordinate"}
-        columns = []
-        for k, name in enumerate(header):
-            cells = [row[k] for row in rows]
-            columns.append(np.array(cells, dtype=np.str_) if name in text else
-                           np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64))
-        return np.rec.fromarrays(columns, names=header).view(np.ndarray)  # type: ignore[call-overload, no-any-return]
+        return _table(self.folder / "residuals.csv", {"experiment", "segment_or_cycle", "coordinate"})
 
     def __repr__(self) -> str:
         return f"Run({self.status}, {self.folder})"

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "estimator/exploration/block_resampling.hpp"
 #include "estimator/interface/random_stream.hpp"
 
 namespace orbid::apps {
@@ -45,32 +46,6 @@ double number(const std::string& cell) {
     return value;
 }
 
-/// Errors of a course in blocks drawn with replacement.
-std::vector<double> drawn_errors(const std::vector<double>& errors, estimator::RandomStream random) {
-    const std::size_t count = errors.size();
-    const auto length = static_cast<std::size_t>(std::ceil(std::cbrt(static_cast<double>(count))));
-    std::vector<double> drawn;
-    while (drawn.size() < count) {
-        const auto beginnings = static_cast<double>(count - length + 1);
-        const auto begin = static_cast<std::size_t>(random.uniform() * beginnings);
-        for (std::size_t i = begin; i < begin + length && drawn.size() < count; ++i)
-            drawn.push_back(errors[i]);
-    }
-    return drawn;
-}
-
-/// Scales errors to a mean square of 1. False: they are 0, or not known.
-bool scale(std::vector<double>& errors) {
-    double squares = 0.0;
-    for (const double error : errors)
-        squares += error * error;
-    const double rms = std::sqrt(squares / static_cast<double>(errors.size()));
-    if (!(rms > 0.0) || !std::isfinite(rms)) return false;
-    for (double& error : errors)
-        error /= rms;
-    return true;
-}
-
 }  // namespace
 
 ResampledData::ResampledData(const std::filesystem::path& run) {
@@ -88,7 +63,9 @@ ResampledData::ResampledData(const std::filesystem::path& run) {
     for (auto& [experiment_name, segments] : experiments_)
         for (auto& [label, courses] : segments)
             for (auto& [coordinate_name, course] : courses)
-                if (!scale(course.errors))
+                if (estimator::standardise(course.errors))
+                    course.block = estimator::block_length({course.errors});
+                else
                     throw std::runtime_error(
                         fmt::format("{}: {} of {} has no errors with a known sd: only runs with a series or waveform "
                                     "residual can be "
@@ -125,12 +102,13 @@ std::string ResampledData::table(const Segments& segments, const std::vector<std
         // Rows by time: a coordinate that was not read at a time leaves its cell empty.
         std::map<double, std::pair<std::string, std::map<std::string, double>>> rows;
         for (const auto& [name, course] : segment) {
-            const std::vector<double> errors =
-                drawn_errors(course.errors, {seed, estimator::RandomPurpose::resampling, stream++});
-            for (std::size_t i = 0; i < errors.size(); ++i) {
+            const std::size_t count = course.errors.size();
+            const auto drawn = estimator::drawn_blocks(count, count, course.block,
+                                                       {seed, estimator::RandomPurpose::resampling, stream++});
+            for (std::size_t i = 0; i < count; ++i) {
                 auto& row = rows[number(course.times[i])];
                 row.first = course.times[i];
-                row.second[name] = course.predicted[i] + course.sds[i] * errors[i];
+                row.second[name] = course.predicted[i] + course.sds[i] * course.errors[drawn[i]];
             }
         }
         for (const auto& [at, row] : rows) {

@@ -13,8 +13,8 @@
 namespace orbid::apps {
 
 /// Records drawn anew from a finished run: each reading is what the run predicts plus an error. Errors are those of the
-/// run in blocks of consecutive readings (moving blocks; H. R. Kuensch, Annals of Statistics 17 (1989) 1217), so that
-/// what is correlated stays correlated, scaled to the sd that the run estimates.
+/// run in blocks of consecutive readings (estimator/exploration/block_resampling.hpp), so that what is correlated stays
+/// correlated; their mean is taken off, and they are scaled to the sd that the run estimates.
 class ResampledData {
 public:
     /// @param run  folder of the run: its residuals.csv.
@@ -31,7 +31,8 @@ private:
         std::vector<std::string> times;  ///< as the file has them
         std::vector<double> predicted;
         std::vector<double> sds;
-        std::vector<double> errors;  ///< over their sds, scaled to a mean square of 1
+        std::vector<double> errors;  ///< over their sds, with mean 0 and mean square 1
+        std::size_t block = 1;       ///< length of the blocks that they are drawn in
     };
     using Segment = std::map<std::string, Course>;                  ///< by coordinate
     using Segments = std::vector<std::pair<std::string, Segment>>;  ///< by label, in the order of the file

@@ -26,7 +26,7 @@ void add_usual_residuals(const ValueReader& at, const Job& job, EstimateJob& est
 void add_waveform_start(const Job& job, EstimateJob& estimate);
 /// "strategy" and "scan", read after the residuals.
 void add_strategy_fields(FieldTable<EstimateJob>& table);
-/// "multi_start", "posterior", "profile" and "marginals", read after the parameters and residuals.
+/// "multi_start", "posterior", "intervals", "profile" and "marginals", read after the parameters and residuals.
 void add_posterior_fields(FieldTable<EstimateJob>& table);
 /// "criticism", read after the parameters.
 [[nodiscard]] Field<EstimateJob> criticism_field();

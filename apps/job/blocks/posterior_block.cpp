@@ -45,6 +45,27 @@ const FieldTable<EstimateJob>& posterior_fields() {
     return table;
 }
 
+void check_replicates(const ValueReader& bootstrap, const Job&, IntervalsJob& intervals) {
+    if (intervals.bootstrap == 0 || intervals.bootstrap >= IntervalsJob::least) return;
+    bootstrap.report(
+        fmt::format("must be 0 or at least {}, not {}: the ends of a 95 % interval lie beyond the values "
+                    "of fewer replicates",
+                    IntervalsJob::least, intervals.bootstrap));
+}
+
+const FieldTable<IntervalsJob>& interval_fields() {
+    static const FieldTable<IntervalsJob> table{
+        field(key("bootstrap", whole(0, most_starts),
+                  "Records drawn anew from the estimate and estimated again, beginning at it: 0, or 40 and more."),
+              &IntervalsJob::bootstrap)
+            .with_rule(check_replicates),
+        choice_field(key("kind", {},
+                         "Errors of new records: of the estimated laws, or the residuals in blocks; \"auto\": blocks "
+                         "where residuals are correlated beyond what their law says."),
+                     {"auto", "parametric", "blocks"}, &IntervalsJob::kind)};
+    return table;
+}
+
 const FieldTable<MultiStartJob>& multi_start_fields() {
     static const FieldTable<MultiStartJob> table{
         field(key("starts", whole(1, most_starts), "The job's and random ones."), &MultiStartJob::starts),
@@ -159,6 +180,8 @@ void add_posterior_fields(FieldTable<EstimateJob>& table) {
             .with_rule(check_starts));
     table.push_back(object_field<EstimateJob>(key("posterior", {}, "Draws from the posterior density."),
                                               posterior_fields(), std::identity{}));
+    table.push_back(object_field<EstimateJob>(key("intervals", {}, "Intervals by simulation (bootstrap)."),
+                                              interval_fields(), &EstimateJob::intervals));
     table.push_back(parameter_choice_field("profile", "Likelihood intervals of all parameters, or of those named.",
                                            &EstimateJob::profile));
     table.push_back(parameter_choice_field(

@@ -38,6 +38,7 @@ constexpr double started_sweeps = 80.0;          // from other starts than the g
 constexpr double prediction_intervals = 2000.0;  // more are thinned out
 constexpr double posterior_steps = 7.0;          // gradients per draw
 constexpr double profile_sweeps = 100.0;         // per unknown: some twenty minimisations from near by
+constexpr double replicate_sweeps = 12.0;        // estimates that begin at the estimate
 constexpr double bytes = sizeof(double), megabyte = 1e6;
 // What a search holds at once over what the series takes (docs/orbits.md).
 constexpr double search_copies = 3.0;
@@ -271,6 +272,11 @@ private:
         if (estimate.marginals.any()) {
             const double count = unknowns(estimate.marginals);
             add("marginals", fmt::format("{:.0f} unknowns", count), 0.0, count * sweep * profile_sweeps);
+        }
+        if (estimate.intervals.bootstrap > 0) {
+            const auto count = static_cast<double>(estimate.intervals.bootstrap);
+            add("intervals", fmt::format("{:.0f} replicates", count), count * free * 2.0 * bytes,
+                count * sweep * replicate_sweeps);
         }
         if (estimate.sample.draws > 0) {
             const auto chains = static_cast<double>(estimate.sample.chains);

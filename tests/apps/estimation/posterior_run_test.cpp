@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <random>
@@ -216,6 +217,51 @@ TEST_CASE("several starts, a profile and a sample stand in the result", "[apps][
     const Path again = folder.path() / "again";
     REQUIRE(orbid_with({"run", folder.path() / "job.json", "--out", again, "--threads", "1"}).code == 0);
     for (const char* name : {"result.json", "posterior.csv"}) {
+        CAPTURE(name);
+        CHECK(
+            (orbid::apps::read_whole_file(again / name) == orbid::apps::read_whole_file(folder.path() / "out" / name)));
+    }
+}
+
+TEST_CASE("intervals by simulation stand beside those by curvature", "[apps][run][bootstrap]") {
+    const TemporaryFolder folder;
+    json job = population_job();
+    job["estimate"]["intervals"] = {{"bootstrap", 200}, {"kind", "parametric"}};
+    const Run done = run(folder, job, table(false, false));
+    CAPTURE(done.outcome.error, done.outcome.out);
+    REQUIRE(done.outcome.code == 0);
+    const json& found = done.result["intervals"];
+    CHECK(found["kind"] == "parametric");
+    CHECK(found["replicates"] == 200);
+    CHECK(found["failed"] == 0);
+    CHECK(found["refused"].is_null());
+    for (const auto& [name, truth] : {std::pair{"alpha", 0.55}, std::pair{"delta", 0.024}}) {
+        const json& x = found["parameters"][name];
+        CAPTURE(name, x.dump());
+        CHECK(x["value"] == done.result["parameters"][name]["value"]);
+        CHECK(x["sd"] == done.result["parameters"][name]["sd"]);
+        // The problem is nearly linear; 200 replicates know a sd to 5 %.
+        CHECK_THAT(x["bootstrap_sd"].get<double>(), WithinRel(x["sd"].get<double>(), 0.25));
+        CHECK(std::abs(x["bias_in_sds"].get<double>()) < 0.35);
+        for (const char* ends : {"percentile95", "studentised95"}) {
+            CHECK(x[ends][0].get<double>() < x["value"].get<double>());
+            CHECK(x[ends][1].get<double>() > x["value"].get<double>());
+            CHECK(std::abs(x[ends][1].get<double>() - truth) < 8.0 * x["sd"].get<double>());
+        }
+    }
+    CHECK(found["errors"].contains("series.u.scale"));
+    CHECK_THAT(done.outcome.out,
+               ContainsSubstring("Intervals by simulation") &&
+                   ContainsSubstring("200 records drawn anew: errors of the estimated laws; 0 failed"));
+    const std::string report = orbid::apps::read_whole_file(folder.path() / "out" / "report.html");
+    CHECK_THAT(report, ContainsSubstring("By simulation") && ContainsSubstring("studentised 95 %"));
+    const std::string replicates = orbid::apps::read_whole_file(folder.path() / "out" / "bootstrap.csv");
+    CHECK(std::count(replicates.begin(), replicates.end(), '\n') == 201);
+    CHECK(replicates.starts_with("replicate,status,alpha,sd(alpha),delta,sd(delta),series.u.scale,"));
+
+    const Path again = folder.path() / "again";
+    REQUIRE(orbid_with({"run", folder.path() / "job.json", "--out", again, "--threads", "1"}).code == 0);
+    for (const char* name : {"result.json", "bootstrap.csv"}) {
         CAPTURE(name);
         CHECK(
             (orbid::apps::read_whole_file(again / name) == orbid::apps::read_whole_file(folder.path() / "out" / name)));

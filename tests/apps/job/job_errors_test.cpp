@@ -223,6 +223,19 @@ TEST_CASE("several starts, samples, profiles and marginals are read and written"
     CHECK(job.estimate->multi_start.starts == 8);
     CHECK(job.estimate->multi_start.seed == 3);
     CHECK(job.estimate->sample.draws == 100);
+    CHECK(none.estimate->intervals.bootstrap == 0);
+    const Job simulated = read(series_job("\"errors\": {}", R"("intervals": { "bootstrap": 40, "kind": "blocks" })"));
+    CHECK(simulated.estimate->intervals.bootstrap == 40);
+    CHECK(simulated.estimate->intervals.kind == estimator::ErrorDraw::blocks);
+    const auto with_intervals = [](const char* intervals) { return series_job("\"errors\": {}", intervals); };
+    check_only(with_intervals(R"("intervals": { "bootstrap": 39 })"),
+               "/estimate/intervals/bootstrap: must be 0 or at least 40, not 39: the ends of a 95 % interval");
+    check_only(with_intervals(R"("intervals": { "bootstrap": -5 })"),
+               "/estimate/intervals/bootstrap: must be a whole number from 0 to 100000");
+    check_only(with_intervals(R"("intervals": { "bootstrap": 1000000 })"),
+               "/estimate/intervals/bootstrap: must be a whole number from 0 to 100000");
+    check_only(with_intervals(R"("intervals": { "bootstrap": 100, "kind": "block" })"),
+               "/estimate/intervals/kind: unknown value \"block\"; did you mean \"blocks\"?");
     CHECK(job.estimate->sample.chains == 2);
     CHECK(job.estimate->sample.warm_up == 50);
     CHECK(job.estimate->profile.contains("alpha"));

@@ -131,6 +131,32 @@ TEST_CASE("a run killed while it explores the posterior ends with the same bytes
                {"profile", "marginals", "posterior"});
 }
 
+TEST_CASE("a run killed while it draws records anew ends with the same bytes", "[apps][going_on][bootstrap]") {
+    const TemporaryFolder folder;
+    json job = explored_job();
+    job["estimate"].erase("multi_start");
+    job["estimate"].erase("marginals");
+    job["estimate"].erase("posterior");
+    job["estimate"]["intervals"] = {{"bootstrap", 400}};
+    const Path file = write_job(folder.path() / "job.json", job);
+    const Path expected = undisturbed(folder.path(), file);
+    CHECK(content(expected).count("bootstrap.csv") == 1);
+    // Interrupted among the replicates, then killed after them.
+    const Path out = folder.path() / "interrupted";
+    Process run({"run", file, "--out", out, "--progress", "3600"});
+    REQUIRE(run.reads("profile "));
+    run.send(SIGINT);
+    CHECK(run.end() == 130);
+    Process again({"run", file, "--out", out, "--progress", "3600"});
+    REQUIRE(again.reads("intervals "));
+    again.send(SIGKILL);
+    (void)again.end();
+    Process last({"run", file, "--out", out});
+    CHECK(last.end() == 0);
+    CAPTURE(last.text());
+    check_same(out, expected);
+}
+
 TEST_CASE("interrupted after each of its stages, a run stores the best so far and goes on", "[apps][going_on]") {
     const TemporaryFolder folder;
     const Path file = write_job(folder.path() / "job.json", staged_job());
