@@ -11,6 +11,7 @@
 #include "apps/documents/json_text.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/lost_records.hpp"
+#include "apps/results/trust_verdict.hpp"
 #include "models/system/stopped.hpp"
 
 namespace orbid::apps {
@@ -34,6 +35,7 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     out["sd"] = x.sd;
     out["interval95"] = interval_json(x.lower95, x.upper95);
     out["interval_method"] = name(x.interval_method);
+    out["one_sided"] = json_or_null(name(x.limit));
     out["start"] = x.start;
     out["reference"] = json_or_null(reference);
     out["relative_deviation"] = relative_deviation(x.value, reference);
@@ -158,6 +160,15 @@ Json identifiability_json(const estimator::Estimate& estimate, const identificat
             named[name] = component;
         return named;
     });
+    out["told"] =
+        json_list(estimate.null_directions, [](const auto& direction) { return json_or_null(direction.told); });
+    out["sloppy_directions"] = json_list(estimate.sloppy_directions, [&](const auto& direction) -> Json {
+        Json exponents = Json::object();
+        for (std::size_t i = 0; i < estimate.parameters.size(); ++i)
+            if (const double power = direction.components[static_cast<Eigen::Index>(i)]; power != 0.0)
+                exponents[estimate.parameters[i].name] = power;
+        return {{"exponents", exponents}, {"sd_of_logarithm", direction.sd}, {"told", json_or_null(direction.told)}};
+    });
     out["trust_normal"] = estimate.trust_normal;
     out["distrust"] = json_or_null(estimate.distrust);
     out["effective_count"] = estimate.effective_count;
@@ -233,6 +244,8 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["status"] = estimator::name(estimate.status);
     const std::string lost = lost_records(estimate.counts, context.steady_states);
     out["message"] = estimate.message + (estimate.message.empty() || lost.empty() ? "" : "; ") + lost;
+    const TrustVerdict verdict = trust_verdict(estimate, context);
+    out["verdict"] = {{"trust", name(verdict.trust)}, {"line", verdict.line()}, {"because", verdict.because}};
     if (!context.evaluated.empty()) out["model"]["evaluated"] = context.evaluated;
     out["parameters"] = parameters_json(estimate, context.reference, context.structure);
     out["derived"] = estimated_list(estimate.derived, context.reference);

@@ -37,6 +37,7 @@ struct Estimated {
     double value = 0.0;
     double start = 0.0;
     double sd = 0.0;  ///< nan when undetermined (singular direction, at a bound)
+    /// Ends of the interval, never beyond bounds; nan where the data tell no order of magnitude.
     double lower95 = 0.0;
     double upper95 = 0.0;
     IntervalMethod interval_method = IntervalMethod::none;
@@ -46,6 +47,8 @@ struct Estimated {
     /// Share of the posterior information on this parameter that comes from the data, in [0, 1]; 0 = from the prior
     /// alone.
     double data_share = 1.0;
+    /// The end of the interval that is a one-sided limit of 95 %; the other end is a bound. See bounded_interval().
+    BoundSide limit = BoundSide::none;
 };
 
 struct EstimatedScale {
@@ -108,12 +111,14 @@ struct StepRecord {
 
 struct NullDirection {
     Eigen::VectorXd components;  ///< in log parameters (relative changes), largest component 1; shape (parameters)
+    std::string told = {};       ///< what the data tell of these parameters: "k2 / m and k3 / m"; empty: nothing
 };
 
 /// A product of powers of parameters that the data determine only within a factor e or worse, but others well.
 struct SloppyDirection {
     Eigen::VectorXd components;  ///< exponents, simple fractions where the data allow it; largest 1, shape (parameters)
     double sd = 0.0;             ///< of the product's logarithm, from the data alone, >= 1 or so
+    std::string told = {};       ///< see NullDirection
 };
 
 struct Estimate {
