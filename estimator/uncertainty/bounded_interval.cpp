@@ -90,7 +90,7 @@ ReleasedParameter released(const Eigen::MatrixXd& curvature, const Eigen::Vector
     constexpr double least_share = 1e-12;
     if (!factor.succeeded() || !(factor.pivots().minCoeff() > least_share)) return unknown;
     const Eigen::Index last = own.cols() - 1;
-    const Eigen::VectorXd row = factor.solve(Eigen::VectorXd::Unit(own.cols(), last));
+    const Eigen::VectorXd row = factor.solve(Eigen::VectorXd(Eigen::VectorXd::Unit(own.cols(), last)));
     const double variance = row[last] * unit[last] * unit[last];
     return {-variance * gradient[parameter], std::sqrt(variance)};
 }
