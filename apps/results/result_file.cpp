@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 
 #include <fmt/format.h>
@@ -12,7 +11,6 @@
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/lost_records.hpp"
 #include "apps/results/trust_verdict.hpp"
-#include "models/system/stopped.hpp"
 
 namespace orbid::apps {
 namespace {
@@ -275,30 +273,6 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["history"] = json_list(estimate.history, step_json);
     if (!context.fingerprint.sha256.empty()) out["fingerprint"] = Json::parse(to_text(context.fingerprint));
     return json_text(out);
-}
-
-std::string residuals_text(const std::vector<ResidualRow>& rows, const std::function<bool()>& interrupted) {
-    constexpr std::ptrdiff_t asked_every = 65536;
-    fmt::memory_buffer out;
-    const auto number = [&out](double value, char end) {
-        if (std::isfinite(value)) {
-            fmt::format_to(std::back_inserter(out), "{}{}", value, end);
-        } else {
-            out.push_back(end);
-        }
-    };
-    fmt::format_to(std::back_inserter(out),
-                   "experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\n");
-    for (const ResidualRow& row : rows) {
-        if ((&row - rows.data()) % asked_every == 0) models::stop_if_asked(interrupted);
-        fmt::format_to(std::back_inserter(out), "{},{},{},", csv_cell(row.experiment), csv_cell(row.block),
-                       csv_cell(row.coordinate));
-        number(row.at, ',');
-        number(row.observed, ',');
-        number(row.predicted, ',');
-        number(row.sd, '\n');
-    }
-    return fmt::to_string(out);
 }
 
 }  // namespace orbid::apps

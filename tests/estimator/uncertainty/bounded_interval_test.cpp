@@ -111,14 +111,14 @@ TEST_CASE("the interval of a function of one parameter is that function of its i
     // A mean life is 1 / rate: both intervals say the same, and neither reaches zero.
     FunctionResidual residual;
     residual.add_group(group("y", 0.7, false));
-    residual.add_block(layout("data", 1), linear(Eigen::VectorXd::Constant(1, 2.0), Eigen::MatrixXd::Constant(1, 1, 1.0)));
+    residual.add_block(layout("data", 1),
+                       linear(Eigen::VectorXd::Constant(1, 2.0), Eigen::MatrixXd::Constant(1, 1, 1.0)));
     auto rate = free_parameter("rate", 1.0);
     rate.scale = estimator::Scale::log;
     rate.lower = 0.0;
-    const estimator::DerivedQuantity life{"life", [](const Eigen::VectorXd& x) { return 1.0 / x[0]; },
-                                          [](const Eigen::VectorXd& x) {
-                                              return Eigen::VectorXd(Eigen::VectorXd::Constant(1, -1.0 / (x[0] * x[0])));
-                                          }};
+    const estimator::DerivedQuantity life{
+        "life", [](const Eigen::VectorXd& x) { return 1.0 / x[0]; },
+        [](const Eigen::VectorXd& x) { return Eigen::VectorXd(Eigen::VectorXd::Constant(1, -1.0 / (x[0] * x[0]))); }};
     const auto result = estimator::estimate({rate}, {&residual}, {life});
     const auto& own = result.parameters[0];
     CHECK_THAT(own.value, WithinRel(2.0, 1e-6));
