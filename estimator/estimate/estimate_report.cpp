@@ -212,6 +212,25 @@ void fill_blocks(const BlockSet& set, const Minimum& minimum, const Posterior& p
     }
 }
 
+/// What is told of a direction. Simple powers of positive values are a product on whatever scale they are estimated.
+std::string told_of(const Problem& problem, const State& state, const Eigen::VectorXd& size,
+                    const Eigen::VectorXd& components) {
+    constexpr double taking_part = 0.01, simple = 1e-3, parts = 12.0;
+    Eigen::VectorXd rounded = components;
+    bool powers = true;
+    for (Eigen::Index i = 0; i < components.size(); ++i) {
+        if (std::abs(components[i]) < taking_part) continue;
+        rounded[i] = std::round(parts * components[i]) / parts;
+        const double value = state.theta[i];
+        powers = powers && std::abs(rounded[i] - components[i]) < simple && std::abs(size[i] - value) <= 1e-9 * value;
+    }
+    if (!powers) return what_is_told(components, problem.parameters, size);
+    std::vector<FreeParameter> shown = problem.parameters;
+    for (FreeParameter& parameter : shown)
+        parameter.scale = Scale::log;
+    return what_is_told(rounded, shown, size);
+}
+
 void describe(const Problem& problem, const State& state, const Minimum& minimum, const Posterior& posterior,
               Estimate& estimate) {
     const Identifiability& identifiable = posterior.identifiable();
@@ -220,9 +239,9 @@ void describe(const Problem& problem, const State& state, const Minimum& minimum
     estimate.sloppy_directions = identifiable.sloppy_directions;
     const Eigen::VectorXd size = sizes(problem, state.theta).cwiseProduct(slopes(problem, state.theta));
     for (NullDirection& direction : estimate.null_directions)
-        direction.told = what_is_told(direction.components, problem.parameters, size);
+        direction.told = told_of(problem, state, size, direction.components);
     for (SloppyDirection& direction : estimate.sloppy_directions)
-        direction.told = what_is_told(direction.components, problem.parameters, size);
+        direction.told = told_of(problem, state, size, direction.components);
     std::string words;
     for (const NullDirection& direction : identifiable.null_directions)
         words += (words.empty() ? "" : "; ") + in_words(direction, problem.parameters);

@@ -90,6 +90,17 @@ TEST_CASE("parameters that enter only as ratios: singular, the direction found n
     }
 }
 
+TEST_CASE("of ratios the quotients are told, also on linear scales", "[estimator]") {
+    FunctionResidual residual = ratios(0.1);
+    const auto result = estimator::estimate(
+        {free_parameter("m", 1.5), free_parameter("k2", 2.0), free_parameter("k3", 3.0)}, {&residual});
+    REQUIRE(result.null_directions.size() == 1);
+    // Which of the three the others are divided by is the largest component's affair: all are 1.
+    const std::string& told = result.null_directions[0].told;
+    CAPTURE(told);
+    CHECK((told == "k2 / m and k3 / m" || told == "m / k2 and k3 / k2" || told == "m / k3 and k2 / k3"));
+}
+
 TEST_CASE("what the data tell of an undetermined direction is written as the reader would", "[estimator]") {
     std::vector<estimator::FreeParameter> log{free_parameter("m", 1.0), free_parameter("k2", 1.0),
                                               free_parameter("k3", 1.0)};
