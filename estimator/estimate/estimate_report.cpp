@@ -6,6 +6,7 @@
 
 #include <boost/math/distributions/chi_squared.hpp>
 
+#include "estimator/estimate/reported_direction.hpp"
 #include "estimator/estimate/reported_interval.hpp"
 #include "estimator/interface/not_finite.hpp"
 
@@ -210,25 +211,6 @@ void fill_blocks(const BlockSet& set, const Minimum& minimum, const Posterior& p
         estimate.latent_sds[block.residual][block.block] = posterior.latent_sds()[b];
         ++estimate.counts[block.residual].used;
     }
-}
-
-/// What is told of a direction. Simple powers of positive values are a product on whatever scale they are estimated.
-std::string told_of(const Problem& problem, const State& state, const Eigen::VectorXd& size,
-                    const Eigen::VectorXd& components) {
-    constexpr double taking_part = 0.01, simple = 1e-3, parts = 12.0;
-    Eigen::VectorXd rounded = components;
-    bool powers = true;
-    for (Eigen::Index i = 0; i < components.size(); ++i) {
-        if (std::abs(components[i]) < taking_part) continue;
-        rounded[i] = std::round(parts * components[i]) / parts;
-        const double value = state.theta[i];
-        powers = powers && std::abs(rounded[i] - components[i]) < simple && std::abs(size[i] - value) <= 1e-9 * value;
-    }
-    if (!powers) return what_is_told(components, problem.parameters, size);
-    std::vector<FreeParameter> shown = problem.parameters;
-    for (FreeParameter& parameter : shown)
-        parameter.scale = Scale::log;
-    return what_is_told(rounded, shown, size);
 }
 
 void describe(const Problem& problem, const State& state, const Minimum& minimum, const Posterior& posterior,

@@ -121,7 +121,7 @@ REAL = {
     "hare and lynx": ("all", "", "hare_lynx.json"),
     "a swinging pendulum": ("values", "follow each other", "pendulum_swing.json"),
     "Silverbox": ("values", "follow each other", "silverbox.json"),
-    "ion channel": ("values", "follow each other", "ion_channel.json"),
+    "friction of the swing": ("values", "follow each other", "pendulum_swing_friction.json"),
     "pendulum with a motor": ("values", "follow each other", "pendulum_motor.json"),
     "double pendulum": ("values", "follow each other", "double_pendulum.json"),
 }
