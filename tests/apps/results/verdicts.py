@@ -116,12 +116,12 @@ MADE = {
                                                                    readings(decay, 60, 0.1, 0.0))),
 }
 
-# name: (level, what the reasons must hold, file)
+# name: (level, what the reasons must hold, file, changes of its data)
 REAL = {
     "hare and lynx": ("all", "", "hare_lynx.json"),
     "a swinging pendulum": ("values", "follow each other", "pendulum_swing.json"),
     "Silverbox": ("values", "follow each other", "silverbox.json"),
-    "friction of the swing": ("values", "follow each other", "pendulum_swing_friction.json"),
+    "one swing alone": ("values", "follow each other", "pendulum_swing.json", {"segments": {"fit": ["1"]}}),
     "pendulum with a motor": ("values", "follow each other", "pendulum_motor.json"),
     "double pendulum": ("values", "follow each other", "double_pendulum.json"),
 }
@@ -140,11 +140,13 @@ def absolute(node, folder):
                     absolute(item, folder)
 
 
-def real_job(configs, name):
+def real_job(configs, name, changes=None):
     with open(os.path.join(configs, name), encoding="utf-8") as file:
         text = re.sub(r"(?m)(^|\s)//.*$", "", file.read())
     content = json.loads(text)
     absolute(content["data"] if isinstance(content["data"], dict) else {"all": content["data"]}, configs)
+    if changes:
+        content["data"].update(changes)
     for key in ("marginals", "posterior", "profile", "criticism", "derived"):
         content["estimate"].pop(key, None)
     return content
@@ -194,7 +196,7 @@ def main():
     orbid, configs = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
     wanted = sys.argv[3:]
     records = [(name, level, words, *made) for name, (level, words, made) in MADE.items()]
-    records += [(name, level, words, real_job(configs, file), None) for name, (level, words, file) in REAL.items()]
+    records += [(name, level, words, real_job(configs, *source), None) for name, (level, words, *source) in REAL.items()]
     records = [record for record in records if not wanted or record[0] in wanted]
     right = 0
     with concurrent.futures.ThreadPoolExecutor(max_workers=2) as pool:
