@@ -102,7 +102,7 @@ void judge_directions(const estimator::Estimate& estimate, const ResultContext& 
                                 : fmt::format("the data do not tell {} apart{}", joined(names),
                                               told.empty() ? "" : ", only " + told);
     };
-    const std::string cure = "; hold one, or give it a prior";
+    const std::string cure = "; hold one or give it a prior";
     for (const auto& direction : estimate.null_directions) {
         const bool open = estimate.status == EstimateStatus::singular;
         (open ? reasons.none : reasons.values)
