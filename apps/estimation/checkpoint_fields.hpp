@@ -38,11 +38,13 @@ void transfer_name(apps::Archive& archive, Enumerator& value, Enumerator last) {
 }
 
 inline void fields(apps::Archive& archive, Estimated& value) {
-    auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share, degrees_of_freedom] = value;
+    auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share, degrees_of_freedom, limit] =
+        value;
     archive(name, unit, at, start, sd, lower95, upper95);
     transfer_name(archive, method, IntervalMethod::likelihood);
     transfer_name(archive, bound, BoundSide::upper);
     archive(laplace_sd, share, degrees_of_freedom);
+    transfer_name(archive, limit, BoundSide::upper);
 }
 
 inline void fields(apps::Archive& archive, EstimatedScale& value) {
@@ -71,13 +73,13 @@ inline void fields(apps::Archive& archive, StepRecord& value) {
 }
 
 inline void fields(apps::Archive& archive, NullDirection& value) {
-    auto& [components] = value;
-    archive(components);
+    auto& [components, told] = value;
+    archive(components, told);
 }
 
 inline void fields(apps::Archive& archive, SloppyDirection& value) {
-    auto& [components, sd] = value;
-    archive(components, sd);
+    auto& [components, sd, told] = value;
+    archive(components, sd, told);
 }
 
 /// One of the densities that a Prior may be: one to three numbers, or none.

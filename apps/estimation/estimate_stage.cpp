@@ -21,6 +21,7 @@
 #include "apps/results/checkpoint.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/orbit_file.hpp"
+#include "apps/results/trust_verdict.hpp"
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/workspace.hpp"
 #include "identification/comparison/residual_diagnosis.hpp"
@@ -214,8 +215,9 @@ public:
         context.evidence.reason = "there is no estimate";
         if (!cycles_.cycles.empty()) count_cycles(cycles_, context);
         const orbits::CycleSearch& search = cycles_.cycles.empty() ? problem_.measured.search : cycles_;
-        work_.folder.store("residuals.csv",
-                           residuals_text(describe_records(work_, problem_, setup_, search, best, context), asking_));
+        const std::vector<ResidualRow> rows = describe_records(work_, problem_, setup_, search, best, context);
+        context.unexplained = unexplained_spread(rows);
+        work_.folder.store("residuals.csv", residuals_text(rows, asking_));
         if (best.is_evaluated()) {
             const auto all = best.residuals.all();
             context.posterior.diagnostics = identification::diagnose_residuals(all, best.estimate);

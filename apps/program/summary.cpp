@@ -11,6 +11,7 @@
 #include "apps/results/lost_records.hpp"
 #include "apps/results/posterior_results.hpp"
 #include "apps/results/summary_table.hpp"
+#include "apps/results/trust_verdict.hpp"
 #include "apps/stored_run/prediction_results.hpp"
 
 namespace orbid::apps {
@@ -23,10 +24,21 @@ bool is_held(const estimator::Estimated& x) {
     return x.interval_method == estimator::IntervalMethod::fixed;
 }
 
+/// The data tell not even its order of magnitude: "Not determined by the data" says what they do tell.
+bool is_untold(const estimator::Estimated& x) {
+    return x.interval_method == estimator::IntervalMethod::none && std::isfinite(x.sd) && !std::isfinite(x.lower95);
+}
+
+/// Digits of an end of an interval: where it is a bound or a limit, without a sd of the value, three of its length.
+double end_sd(const estimator::Estimated& x) {
+    return std::isfinite(x.sd) ? x.sd : 0.1 * (x.upper95 - x.lower95);
+}
+
 std::string interval(const estimator::Estimated& x) {
     if (is_held(x)) return "";
     if (!std::isfinite(x.lower95) || !std::isfinite(x.upper95)) return "undefined";
-    return fmt::format("[{}, {}]", with_digits_of(x.lower95, x.sd), with_digits_of(x.upper95, x.sd));
+    const std::string mark = x.limit == estimator::BoundSide::none ? "" : fmt::format(" {} limit", name(x.limit));
+    return fmt::format("[{}, {}]{}", with_digits_of(x.lower95, end_sd(x)), with_digits_of(x.upper95, end_sd(x)), mark);
 }
 
 std::string estimated_table(const std::vector<estimator::Estimated>& list) {
@@ -34,9 +46,10 @@ std::string estimated_table(const std::vector<estimator::Estimated>& list) {
                         left_aligned("95 % interval"), left_aligned("method"), left_aligned("bound")});
     for (const auto& x : list)
         table.add({x.name, x.unit, significant(x.start, 4), with_digits_of(x.value, x.sd),
-                   std::isfinite(x.sd) ? significant(x.sd, 2)
-                   : is_held(x)        ? "held"
-                                       : "undefined",
+                   is_untold(x)          ? "not told"
+                   : std::isfinite(x.sd) ? significant(x.sd, 2)
+                   : is_held(x)          ? "held"
+                                         : "undefined",
                    interval(x), std::string(name(x.interval_method)),
                    x.at_bound == estimator::BoundSide::none ? "" : fmt::format("at {}", name(x.at_bound))});
     return table.text();
@@ -165,6 +178,20 @@ std::string null_directions(const estimator::Estimate& estimate) {
                                             "  {} cannot be told apart: changing them together by {} (relative)\n"
                                             "  leaves every residual as it is. Hold one of them, or give it a prior.\n",
                                             names, sizes);
+        if (!direction.told.empty()) out += fmt::format("  Told: {}.\n", direction.told);
+    }
+    for (const auto& direction : estimate.sloppy_directions) {
+        std::string names;
+        for (std::size_t i = 0; i < estimate.parameters.size(); ++i)
+            if (direction.components[static_cast<Eigen::Index>(i)] != 0.0)
+                names += (names.empty() ? "" : ", ") + estimate.parameters[i].name;
+        out += direction.told.empty()
+                   ? fmt::format("  {} is known only within a factor e^{:.3g} (sd of its logarithm).\n", names,
+                                 direction.sd)
+                   : fmt::format(
+                         "  {} are hardly told apart (sd of the logarithm along their direction {:.3g}).\n"
+                         "  Told: {}.\n",
+                         names, direction.sd, direction.told);
     }
     return out;
 }
@@ -248,6 +275,7 @@ std::string estimate_summary(const estimator::Estimate& estimate, const ResultCo
     out +=
         fmt::format("{}{}{} ({} iterations, {} evaluations)\n", estimator::name(estimate.status),
                     estimate.message.empty() ? "" : ": ", estimate.message, estimate.iterations, estimate.evaluations);
+    out += fmt::format("Verdict: {}\n", trust_verdict(estimate, context).line());
     out += stages_summary(context.strategy);
     out += titled("Parameters", estimated_table(estimate.parameters));
     out += titled("Derived", estimated_table(estimate.derived));
@@ -262,53 +290,6 @@ std::string estimate_summary(const estimator::Estimate& estimate, const ResultCo
     out += titled("Prediction", prediction_table(context.predictions, estimate.scales));
     out += criticism_summary(context.strategy);
     return out + posterior_summary(context.posterior);
-}
-
-namespace {
-
-/// ": " and the reason, where the search has noted one.
-std::string why_missing(const orbits::CycleSearch& search, int period) {
-    const std::string before = fmt::format("no cycle of period {} was found:", period);
-    for (const std::string& remark : search.remarks)
-        if (remark.starts_with(before)) return remark.substr(before.size() - 1);
-    return {};
-}
-
-}  // namespace
-
-std::string cycles_summary(const orbits::CycleSearch& search) {
-    struct Row {
-        std::size_t cycles = 0;
-        std::size_t fewest = std::numeric_limits<std::size_t>::max();
-        std::size_t most = 0;
-        double worst_sd = 0.0;
-        double least = std::numeric_limits<double>::infinity();  ///< unstable |multiplier|
-        double largest = 0.0;
-    };
-    std::map<int, Row> rows;
-    for (const auto& cycle : search.cycles) {
-        Row& row = rows[cycle.period];
-        ++row.cycles;
-        row.fewest = std::min(row.fewest, cycle.recurrences);
-        row.most = std::max(row.most, cycle.recurrences);
-        if (cycle.covariance.size() > 0)
-            row.worst_sd = std::max(row.worst_sd, std::sqrt(cycle.covariance.diagonal().maxCoeff()));
-        if (!cycle.multipliers.empty()) {
-            row.least = std::min(row.least, std::abs(cycle.multipliers.front()));
-            row.largest = std::max(row.largest, std::abs(cycle.multipliers.front()));
-        }
-    }
-    SummaryTable table({"period", "cycles", "points", "recurrences", "largest |multiplier|", "worst sd of a point"});
-    for (const auto& [period, row] : rows)
-        table.add({std::to_string(period), std::to_string(row.cycles),
-                   std::to_string(row.cycles * static_cast<std::size_t>(period)),
-                   fmt::format("{} ... {}", row.fewest, row.most),
-                   row.largest > 0.0 ? fmt::format("{:.3g} ... {:.3g}", row.least, row.largest) : "",
-                   row.worst_sd > 0.0 ? significant(row.worst_sd, 2) : ""});
-    std::string out = titled("Unstable periodic orbits in the series", table.text());
-    for (const int period : search.missing)
-        out += fmt::format("  period {}: none found{}\n", period, why_missing(search, period));
-    return out;
 }
 
 }  // namespace orbid::apps

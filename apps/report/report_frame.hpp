@@ -37,6 +37,7 @@ public:
     void caution(std::string_view text) { add("caution", "Caution", text, caution_); }
     void bad(std::string_view text) { add("bad", "Not usable", text, bad_); }
     [[nodiscard]] std::string html() const { return bad_ + caution_ + good_; }
+    [[nodiscard]] std::string html_of_faults() const { return bad_ + caution_; }
 
 private:
     static void add(std::string_view look, std::string_view word, std::string_view text, std::string& list);

@@ -77,9 +77,10 @@ std::string correlations(const Json& result) {
            (names.size() <= readable ? correlation_table(names, matrix) : strongest_table(names, matrix));
 }
 
-std::string null_directions(const Json& directions) {
+std::string null_directions(const Json& directions, const Json& told) {
     std::string out = "<ul>\n";
-    for (const Json& direction : directions) {
+    for (std::size_t i = 0; i < directions.size(); ++i) {
+        const Json& direction = directions[i];
         std::string names;
         std::string sizes;
         for (const auto& [name, component] : direction.items()) {
@@ -93,7 +94,24 @@ std::string null_directions(const Json& directions) {
                       "{} cannot be told apart: changing them together by {} (relative) leaves every residual "
                       "as it is. Hold one of them, or give it a prior.",
                       names, sizes);
-        out += fmt::format("<li>{}</li>\n", markup_text(words));
+        const bool known = i < told.size() && told[i].is_string();
+        out += fmt::format("<li>{}{}</li>\n", markup_text(words),
+                           known ? " Told: " + markup_text(told[i].get<std::string>()) + "." : "");
+    }
+    return out + "</ul>\n";
+}
+
+std::string sloppy_directions(const Json& directions) {
+    std::string out = "<ul>\n";
+    for (const Json& direction : directions) {
+        std::string names;
+        for (const auto& [name, component] : block_at(direction, "exponents").items())
+            append_words(names, name, ", ");
+        const std::string told = text_at(direction, "told");
+        out += fmt::format("<li>{}</li>\n",
+                           markup_text(fmt::format("{}: the sd of the logarithm along their direction is {:.3g}.{}",
+                                                   names, number_at(direction, "sd_of_logarithm"),
+                                                   told.empty() ? "" : " Told: " + told + ".")));
     }
     return out + "</ul>\n";
 }
@@ -126,7 +144,10 @@ ReportChapter identifiability_chapter(const ReportSource& source) {
     if (!block_at(structural, "directions").empty() || !block_at(structural, "signs").empty())
         chapter.html += html_headed(3, "Determined by no record", structural_directions(structural));
     if (const Json& directions = block_at(identifiability, "null_directions"); !directions.empty())
-        chapter.html += html_headed(3, "Not determined", null_directions(directions));
+        chapter.html +=
+            html_headed(3, "Not determined", null_directions(directions, block_at(identifiability, "told")));
+    if (const Json& directions = block_at(identifiability, "sloppy_directions"); !directions.empty())
+        chapter.html += html_headed(3, "Hardly determined", sloppy_directions(directions));
     chapter.html += html_headed(3, "Correlations", correlations(result));
     chapter.html += html_headed(
         3, "Stiff and sloppy directions",

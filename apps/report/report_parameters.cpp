@@ -17,7 +17,10 @@ std::string parameter_interval_text(const Json& entry, double sd) {
     const double lower = interval_end(entry, 0);
     const double upper = interval_end(entry, 1);
     if (!std::isfinite(lower) || !std::isfinite(upper)) return "undefined";
-    return fmt::format("[{}, {}]", with_digits_of(lower, sd), with_digits_of(upper, sd));
+    const std::string limit = text_at(entry, "one_sided");
+    const double digits = std::isfinite(sd) ? sd : 0.1 * (upper - lower);
+    return fmt::format("[{}, {}]{}", with_digits_of(lower, digits), with_digits_of(upper, digits),
+                       limit.empty() ? "" : " " + limit + " limit");
 }
 
 double in_sds(const Json& entry) {

@@ -67,6 +67,22 @@ std::string what_was_done(const StoredRun& run) {
     return fmt::format("Data of {} were made.", model);
 }
 
+/// The one line that everything else explains; its look is that of the verdict.
+void add_trust(const Json& result, ReportRemarks& remarks) {
+    const Json& verdict = block_at(result, "verdict");
+    const std::string trust = text_at(verdict, "trust");
+    const std::string line = text_at(verdict, "line");
+    if (trust == "all")
+        remarks.good("Verdict: trust. Values and intervals hold as far as model and data can tell.");
+    else if (trust == "values")
+        remarks.caution(fmt::format("Verdict: {}.", line));
+    else if (trust == "none")
+        remarks.bad(fmt::format("Verdict: {}.", line));
+    const Json& because = block_at(verdict, "because");
+    for (std::size_t i = 1; i < because.size(); ++i)
+        remarks.caution(because[i].get<std::string>() + ".");
+}
+
 void add_status(const Json& result, ReportRemarks& remarks) {
     const std::string status = text_at(result, "status");
     const std::string message = text_at(result, "message");
@@ -81,6 +97,9 @@ void add_status(const Json& result, ReportRemarks& remarks) {
         remarks.bad(fmt::format("The estimate converged on {:.0f} % of the records only{}.", 100.0 * least, why));
     else if (status == "converged" && least < 1.0)
         remarks.caution("The estimate converged without some of the records" + why + ".");
+    else if (status == "converged" && text_at(block_at(result, "verdict"), "trust") != "all" &&
+             result.contains("verdict"))
+        remarks.caution("The estimate converged" + why + ".");
     else if (status == "converged")
         remarks.good("The estimate converged" + why + ".");
     else if (status == "interrupted")
@@ -196,13 +215,16 @@ std::string verdict_html(const ReportSource& source) {
     ReportRemarks remarks;
     if (source.run.result) {
         const Json& result = *source.run.result;
+        add_trust(result, remarks);
         add_status(result, remarks);
         add_directions(result, remarks);
         add_parameters(result, remarks);
         add_errors(result, remarks);
     }
     add_search(source.run, remarks);
-    return verdict_section(what_was_done(source.run), remarks.html());
+    // Good news beside a result that is not to be trusted would mislead.
+    const bool usable = !source.run.result || text_at(block_at(*source.run.result, "verdict"), "trust") != "none";
+    return verdict_section(what_was_done(source.run), usable ? remarks.html() : remarks.html_of_faults());
 }
 
 }  // namespace orbid::apps

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 
 #include <fmt/format.h>
@@ -11,7 +10,7 @@
 #include "apps/documents/json_text.hpp"
 #include "apps/results/cycle_file.hpp"
 #include "apps/results/lost_records.hpp"
-#include "models/system/stopped.hpp"
+#include "apps/results/trust_verdict.hpp"
 
 namespace orbid::apps {
 namespace {
@@ -34,6 +33,7 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     out["sd"] = x.sd;
     out["interval95"] = interval_json(x.lower95, x.upper95);
     out["interval_method"] = name(x.interval_method);
+    out["one_sided"] = json_or_null(name(x.limit));
     out["start"] = x.start;
     out["reference"] = json_or_null(reference);
     out["relative_deviation"] = relative_deviation(x.value, reference);
@@ -158,6 +158,15 @@ Json identifiability_json(const estimator::Estimate& estimate, const identificat
             named[name] = component;
         return named;
     });
+    out["told"] =
+        json_list(estimate.null_directions, [](const auto& direction) { return json_or_null(direction.told); });
+    out["sloppy_directions"] = json_list(estimate.sloppy_directions, [&](const auto& direction) -> Json {
+        Json exponents = Json::object();
+        for (std::size_t i = 0; i < estimate.parameters.size(); ++i)
+            if (const double power = direction.components[static_cast<Eigen::Index>(i)]; power != 0.0)
+                exponents[estimate.parameters[i].name] = power;
+        return {{"exponents", exponents}, {"sd_of_logarithm", direction.sd}, {"told", json_or_null(direction.told)}};
+    });
     out["trust_normal"] = estimate.trust_normal;
     out["distrust"] = json_or_null(estimate.distrust);
     out["effective_count"] = estimate.effective_count;
@@ -233,6 +242,8 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["status"] = estimator::name(estimate.status);
     const std::string lost = lost_records(estimate.counts, context.steady_states);
     out["message"] = estimate.message + (estimate.message.empty() || lost.empty() ? "" : "; ") + lost;
+    const TrustVerdict verdict = trust_verdict(estimate, context);
+    out["verdict"] = {{"trust", name(verdict.trust)}, {"line", verdict.line()}, {"because", verdict.because}};
     if (!context.evaluated.empty()) out["model"]["evaluated"] = context.evaluated;
     out["parameters"] = parameters_json(estimate, context.reference, context.structure);
     out["derived"] = estimated_list(estimate.derived, context.reference);
@@ -262,30 +273,6 @@ std::string result_text(const estimator::Estimate& estimate, const ResultContext
     out["history"] = json_list(estimate.history, step_json);
     if (!context.fingerprint.sha256.empty()) out["fingerprint"] = Json::parse(to_text(context.fingerprint));
     return json_text(out);
-}
-
-std::string residuals_text(const std::vector<ResidualRow>& rows, const std::function<bool()>& interrupted) {
-    constexpr std::ptrdiff_t asked_every = 65536;
-    fmt::memory_buffer out;
-    const auto number = [&out](double value, char end) {
-        if (std::isfinite(value)) {
-            fmt::format_to(std::back_inserter(out), "{}{}", value, end);
-        } else {
-            out.push_back(end);
-        }
-    };
-    fmt::format_to(std::back_inserter(out),
-                   "experiment,segment_or_cycle,coordinate,time_or_phase,observed,predicted,sd\n");
-    for (const ResidualRow& row : rows) {
-        if ((&row - rows.data()) % asked_every == 0) models::stop_if_asked(interrupted);
-        fmt::format_to(std::back_inserter(out), "{},{},{},", csv_cell(row.experiment), csv_cell(row.block),
-                       csv_cell(row.coordinate));
-        number(row.at, ',');
-        number(row.observed, ',');
-        number(row.predicted, ',');
-        number(row.sd, '\n');
-    }
-    return fmt::to_string(out);
 }
 
 }  // namespace orbid::apps

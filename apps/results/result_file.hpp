@@ -74,6 +74,8 @@ struct ResultContext {
     LogEvidence evidence;
     StrategyResults strategy;
     identification::StructuralReport structure;
+    /// See unexplained_spread(); of the records that the estimate uses.
+    std::vector<std::pair<std::string, double>> unexplained;
     Fingerprint fingerprint;  ///< left out of the file when its hash is empty
 };
 
@@ -91,8 +93,8 @@ struct ResultContext {
 /// `laplace_sd`, `data_share`, `hessian_ratio`, and `held`, the reason, where no record determines it; per error scale
 /// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
 /// `covariance`, `covariances`, `log_evidence`, `stages`, `matching`, `criticism`, `diagnostics`, `posterior`,
-/// `profile`, `marginals`, `optima`, `rounds`, `history`, `steady_states` (of waveforms). An interval is null as a
-/// whole when one of its ends is undefined.
+/// `verdict` (see trust_verdict()), `profile`, `marginals`, `optima`, `rounds`, `history`, `steady_states` (of
+/// waveforms). An interval is null as a whole when one of its ends is undefined.
 [[nodiscard]] std::string result_text(const estimator::Estimate& estimate, const ResultContext& context);
 
 /// A cell of a table in text: quoted when it holds a comma, a quote or a line end (RFC 4180).

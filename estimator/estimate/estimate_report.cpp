@@ -6,14 +6,13 @@
 
 #include <boost/math/distributions/chi_squared.hpp>
 
+#include "estimator/estimate/reported_direction.hpp"
+#include "estimator/estimate/reported_interval.hpp"
 #include "estimator/interface/not_finite.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-/// 97.5 % quantile of the standard normal density.
-constexpr double normal_975 = 1.9599639845400545;
 
 void fill_parameters(const Problem& problem, const State& state, const Minimum& minimum, const Posterior& posterior,
                      Estimate& estimate) {
@@ -31,12 +30,10 @@ void fill_parameters(const Problem& problem, const State& state, const Minimum& 
         const int side = minimum.step.active[index];
         if (side != 0) result.at_bound = side < 0 ? BoundSide::lower : BoundSide::upper;
         const Uncertainty uncertainty = posterior.along(Eigen::VectorXd::Unit(q, i));
-        result.interval_method = uncertainty.method;
         result.interval_degrees_of_freedom = uncertainty.degrees_of_freedom;
         result.sd = uncertainty.sd * slope[i];
         result.laplace_sd = uncertainty.laplace_sd * slope[i];
-        result.lower95 = coordinate.natural(state.u[i] - uncertainty.quantile * uncertainty.sd);
-        result.upper95 = coordinate.natural(state.u[i] + uncertainty.quantile * uncertainty.sd);
+        fill_interval(problem, state, minimum, posterior, i, result);
         known[index] = std::isfinite(result.sd);
         if (side == 0) {
             const double data = posterior.identifiable().data_variance[i];
@@ -60,23 +57,20 @@ void fill_parameters(const Problem& problem, const State& state, const Minimum& 
 void fill_derived(const Problem& problem, const State& state, const Posterior& posterior,
                   const std::vector<DerivedQuantity>& derived, Estimate& estimate) {
     Eigen::VectorXd start(state.theta.size());
-    Eigen::VectorXd slope(state.theta.size());
-    for (std::size_t i = 0; i < problem.parameters.size(); ++i) {
+    const Eigen::VectorXd slope = slopes(problem, state.theta);
+    for (std::size_t i = 0; i < problem.parameters.size(); ++i)
         start[static_cast<Eigen::Index>(i)] = problem.parameters[i].start;
-        slope[static_cast<Eigen::Index>(i)] = problem.coordinates[i].slope(state.theta[static_cast<Eigen::Index>(i)]);
-    }
     for (const DerivedQuantity& quantity : derived) {
         Estimated result;
         result.name = quantity.name;
         result.value = quantity.value(state.theta);
         result.start = quantity.value(start);
-        const Uncertainty uncertainty = posterior.along(quantity.gradient(state.theta).cwiseProduct(slope));
+        const Eigen::VectorXd gradient = quantity.gradient(state.theta).cwiseProduct(slope);
+        const Uncertainty uncertainty = posterior.along(gradient);
         result.sd = uncertainty.sd;
         result.laplace_sd = uncertainty.laplace_sd;
-        result.interval_method = uncertainty.method;
         result.interval_degrees_of_freedom = uncertainty.degrees_of_freedom;
-        result.lower95 = result.value - uncertainty.quantile * uncertainty.sd;
-        result.upper95 = result.value + uncertainty.quantile * uncertainty.sd;
+        fill_interval(problem, state, posterior, quantity, gradient, result);
         estimate.derived.push_back(std::move(result));
     }
 }
@@ -229,11 +223,17 @@ void fill_blocks(const BlockSet& set, const Minimum& minimum, const Posterior& p
     }
 }
 
-void describe(const Problem& problem, const Minimum& minimum, const Posterior& posterior, Estimate& estimate) {
+void describe(const Problem& problem, const State& state, const Minimum& minimum, const Posterior& posterior,
+              Estimate& estimate) {
     const Identifiability& identifiable = posterior.identifiable();
     estimate.singular_values = identifiable.singular_values;
     estimate.null_directions = identifiable.null_directions;
     estimate.sloppy_directions = identifiable.sloppy_directions;
+    const Eigen::VectorXd size = sizes(problem, state.theta).cwiseProduct(slopes(problem, state.theta));
+    for (NullDirection& direction : estimate.null_directions)
+        direction.told = told_of(problem, state, size, direction.components);
+    for (SloppyDirection& direction : estimate.sloppy_directions)
+        direction.told = told_of(problem, state, size, direction.components);
     std::string words;
     for (const NullDirection& direction : identifiable.null_directions)
         words += (words.empty() ? "" : "; ") + in_words(direction, problem.parameters);
@@ -297,7 +297,7 @@ void report(const Problem& problem, const BlockSet& set, const State& state, con
     fill_covariances(problem, state, posterior, estimate);
     fill_latents(problem, state, estimate);
     fill_blocks(set, minimum, posterior, estimate);
-    describe(problem, minimum, posterior, estimate);
+    describe(problem, state, minimum, posterior, estimate);
 }
 
 void report_failure(const Problem& problem, const State& state, Estimate& estimate) {

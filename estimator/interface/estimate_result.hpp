@@ -49,6 +49,7 @@ struct Estimated {
     double value = 0.0;
     double start = 0.0;
     double sd = 0.0;  ///< nan when undetermined (singular direction, at a bound)
+    /// Ends of the interval, never beyond bounds; nan where the data tell no order of magnitude.
     double lower95 = 0.0;
     double upper95 = 0.0;
     IntervalMethod interval_method = IntervalMethod::none;
@@ -60,6 +61,8 @@ struct Estimated {
     double data_share = 1.0;
     /// Of the t quantile of a sandwich's interval; nan otherwise.
     double interval_degrees_of_freedom = std::numeric_limits<double>::quiet_NaN();
+    /// The end of the interval that is a one-sided limit of 95 %; the other end is a bound. See bounded_interval().
+    BoundSide limit = BoundSide::none;
 };
 
 struct EstimatedScale {
@@ -122,12 +125,14 @@ struct StepRecord {
 
 struct NullDirection {
     Eigen::VectorXd components;  ///< in log parameters (relative changes), largest component 1; shape (parameters)
+    std::string told = {};       ///< what the data tell of these parameters: "k2 / m and k3 / m"; empty: nothing
 };
 
 /// A product of powers of parameters that the data determine only within a factor e or worse, but others well.
 struct SloppyDirection {
     Eigen::VectorXd components;  ///< exponents, simple fractions where the data allow it; largest 1, shape (parameters)
     double sd = 0.0;             ///< of the product's logarithm, from the data alone, >= 1 or so
+    std::string told = {};       ///< see NullDirection
 };
 
 struct Estimate {

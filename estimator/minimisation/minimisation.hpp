@@ -64,6 +64,7 @@ private:
     [[nodiscard]] State moved(const TrialStep& step) const;
     [[nodiscard]] Trial evaluated(const TrialStep& step);
     void compare_slopes(const TrialStep& step, Trial& trial) const;
+    [[nodiscard]] bool judged_by_gradients(double curvature) const;
     [[nodiscard]] bool decreases(Trial& trial);
     void adopt(const TrialStep& step, Trial trial);
     bool end_at(std::vector<std::size_t> stopped);

@@ -42,11 +42,19 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
     if (set_.constraints > 0)
         trial.change += violation_change(set_, from, to) / (minimum_.matching * minimum_.matching);
     trial.curvature = 2.0 * (trial.change - step.slope);
-    if (derivatives_at_trial_ && step.curvature < gradient_judged_sds * gradient_judged_sds)
+    if (derivatives_at_trial_ && (step.curvature < gradient_judged_sds * gradient_judged_sds ||
+                                  (stopping_.after_rejection() && judged_by_gradients(step.curvature))))
         compare_slopes(step, trial);
     // Step length of the parabola through both values and the first slope.
     if (trial.change > 0.0) trial.keep = std::clamp(-0.5 * step.slope / (trial.change - step.slope), 0.1, 0.5);
     return trial;
+}
+
+/// Whether the least change that residuals can show hides the gain of a step of this squared length: with links as
+/// tight as rounding that may be a step of whole sds.
+bool Minimisation::judged_by_gradients(double curvature) const {
+    const double hidden = std::min(hidden_roundings * errors_.rounding(), 1.0);
+    return set_.latents > 0 && curvature < hidden * hidden;
 }
 
 /// Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
@@ -106,7 +114,8 @@ bool Minimisation::try_step(const TrialStep& step) {
         {ledger_.round, StepBlock::theta, accepted, before, after, step.mu, trial.reason, set_.provisional});
     if (!accepted) {
         radius_ = trial.keep * std::min(radius_, step.length);
-        derivatives_at_trial_ = false;
+        // Where rounding may hide what the next step gains, gradients at both ends judge it.
+        derivatives_at_trial_ = judged_by_gradients(0.25 * step.curvature);
         return false;
     }
     adopt(step, std::move(trial));

@@ -13,9 +13,14 @@ inline constexpr double curved_sds = 0.05;
 /// Latent states: shorter steps are judged by gradients. Computed orbits carry rounding of up to 1e-6 sds of their
 /// targets. That hides the 5e-7 that a step of 1e-3 gains, and is a fiftieth of the 5e-5 of a step of 1e-2.
 inline constexpr double gradient_judged_sds = 1e-2;
+/// Steps that were rejected are judged by gradients below this many of the least changes that residuals can show.
+inline constexpr double hidden_roundings = 100.0;
 /// A thousandth of a sd changes no reported figure. Where nothing shorter decreases Phi, rounding is reached; plain
 /// least squares judges its steps from here on by the length of what is left.
 inline constexpr double rounding_sds = 1e-3;
+/// With more than this left an estimate has not converged, whatever stops it: a tenth of a sd moves an interval
+/// visibly.
+inline constexpr double converged_sds = 0.1;
 /// Steps continue while they gain digits, but not below this length.
 inline constexpr double polished_sds = 1e-10;
 

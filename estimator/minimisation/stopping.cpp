@@ -70,12 +70,14 @@ Decision Stopping::decide(const Standing& standing) {
         return {end, Outcome::interrupted, "interrupted after " + std::to_string(ledger_.iterations) + " steps"};
     if (exhausted(standing)) {
         if (standing.stages_left) return next_stage();
-        if (within_rounding(standing))
+        // Where rounding is the only error, sds are those of rounding: nothing else is left.
+        if (within_rounding(standing) && (standing.at_floor || standing.remaining < converged_sds))
             return {end, Outcome::converged,
                     "no shorter step decreases the objective and the full step that is left is " + left +
                         ": the rounding of the residuals is reached"};
         return {end, Outcome::no_progress,
-                "no step decreases the objective although the full step that is left is " + left};
+                "no step decreases the objective although the full step that is left is " + left +
+                    (within_rounding(standing) ? ": the rounding of the residuals hides what it would gain" : "")};
     }
     if (ledger_.trials >= options.maximum_iterations)
         return {end, Outcome::iteration_limit,

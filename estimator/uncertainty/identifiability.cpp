@@ -243,4 +243,40 @@ std::string in_words(const NullDirection& direction, const std::vector<FreeParam
     return list + " enter only in a combination: " + changes + " leaves the data unchanged";
 }
 
+std::string what_is_told(const Eigen::VectorXd& components, const std::vector<FreeParameter>& parameters,
+                         const Eigen::VectorXd& size) {
+    // Smaller components change what is told by less than a reader could use.
+    constexpr double least_component = 0.01;
+    Eigen::Index first = 0;
+    if (components.size() == 0 || !(components.cwiseAbs().maxCoeff(&first) > 0.0)) return {};
+    const auto parameter = [&](Eigen::Index i) -> const FreeParameter& {
+        return parameters[static_cast<std::size_t>(i)];
+    };
+    const auto takes_part = [&](Eigen::Index i) {
+        return std::abs(components[i]) >= least_component * std::abs(components[first]);
+    };
+    const auto logarithmic = [&](Eigen::Index i) {
+        return parameter(i).scale == Scale::log || parameter(i).scale == Scale::log10;
+    };
+    bool quotients = true;
+    for (Eigen::Index i = 0; i < components.size(); ++i)
+        if (takes_part(i)) quotients = quotients && logarithmic(i);
+    std::vector<std::string> told;
+    for (Eigen::Index i = 0; i < components.size(); ++i) {
+        if (i == first || !takes_part(i)) continue;
+        const double share = components[i] / components[first];
+        const std::string power = exponent(quotients ? std::abs(share) : std::abs(share * size[i] / size[first]));
+        const std::string& other = parameter(first).name;
+        if (quotients)
+            told.push_back(parameter(i).name + (share > 0.0 ? " / " : " ") + other + (power == "1" ? "" : "^" + power));
+        else
+            told.push_back(parameter(i).name + (share > 0.0 ? " - " : " + ") + (power == "1" ? "" : power + " ") +
+                           other);
+    }
+    std::string list;
+    for (std::size_t k = 0; k < told.size(); ++k)
+        list += (k == 0 ? "" : k + 1 == told.size() ? " and " : ", ") + told[k];
+    return list;
+}
+
 }  // namespace orbid::estimator

@@ -40,4 +40,12 @@ struct Identifiability {
 /// "the data know m^1 k2^1 only within a factor 12 (sd of its logarithm 2.5)"
 [[nodiscard]] std::string in_words(const SloppyDirection& direction, const std::vector<FreeParameter>& parameters);
 
+/// What the data tell of the parameters of a direction that they do not tell: of parameters on logarithmic scales
+/// quotients of powers, "k2 / m and k3 / m", of others differences, "k3 - 0.8 k1", each with the largest component.
+/// Empty for a direction of one parameter.
+/// @param components  relative changes, shape (parameters); what is below a hundredth of the largest is left out.
+/// @param size        of each parameter: the change in natural units that a component of 1 stands for.
+[[nodiscard]] std::string what_is_told(const Eigen::VectorXd& components, const std::vector<FreeParameter>& parameters,
+                                       const Eigen::VectorXd& size);
+
 }  // namespace orbid::estimator

@@ -90,6 +90,34 @@ TEST_CASE("parameters that enter only as ratios: singular, the direction found n
     }
 }
 
+TEST_CASE("of ratios the quotients are told, also on linear scales", "[estimator]") {
+    FunctionResidual residual = ratios(0.1);
+    const auto result = estimator::estimate(
+        {free_parameter("m", 1.5), free_parameter("k2", 2.0), free_parameter("k3", 3.0)}, {&residual});
+    REQUIRE(result.null_directions.size() == 1);
+    // Which of the three the others are divided by is the largest component's affair: all are 1.
+    const std::string& told = result.null_directions[0].told;
+    CAPTURE(told);
+    CHECK((told == "k2 / m and k3 / m" || told == "m / k2 and k3 / k2" || told == "m / k3 and k2 / k3"));
+}
+
+TEST_CASE("what the data tell of an undetermined direction is written as the reader would", "[estimator]") {
+    std::vector<estimator::FreeParameter> log{free_parameter("m", 1.0), free_parameter("k2", 1.0),
+                                              free_parameter("k3", 1.0)};
+    for (auto& parameter : log)
+        parameter.scale = estimator::Scale::log;
+    const Eigen::Vector3d ones = Eigen::Vector3d::Ones();
+    CHECK(estimator::what_is_told(ones, log, ones) == "k2 / m and k3 / m");
+    CHECK(estimator::what_is_told(Eigen::Vector3d(0.0, 1.0, -1.0), log, ones) == "k3 k2");
+    CHECK(estimator::what_is_told(Eigen::Vector3d(1.0, 0.5, 1e-4), log, ones) == "k2 / m^(1/2)");
+    CHECK(estimator::what_is_told(Eigen::Vector3d(1.0, 0.0, 0.0), log, ones).empty());
+    // k2 + 0.8 k3 stays where k2 falls by 0.8 of what k3 rises; sizes turn relative changes into these.
+    const std::vector<estimator::FreeParameter> linear{free_parameter("m", 1.0), free_parameter("k2", 1.0),
+                                                       free_parameter("k3", 1.0)};
+    CHECK(estimator::what_is_told(Eigen::Vector3d(0.0, -0.4, 1.0), linear, Eigen::Vector3d(1.0, 2.0, 1.0)) ==
+          "k2 + 0.8 k3");
+}
+
 TEST_CASE("noise of the derivatives does not hide a null direction", "[estimator]") {
     for (const double derivative_noise : {1e-11, 1e-9}) {
         FunctionResidual residual = ratios(1e-6, derivative_noise);
