@@ -36,7 +36,7 @@ void fill_at_bound(const Problem& problem, const State& state, const Minimum& mi
         released(reduced.r.transpose() * reduced.r + minimum.prior.rows.transpose() * minimum.prior.rows,
                  reduced.r.transpose() * reduced.rhs + minimum.prior.gradient, minimum.step.free, i);
     if (!(own.sd > 0.0)) return;
-    Uncertainty widest{0.0, 1.0, normal_975, IntervalMethod::normal};
+    Uncertainty widest{0.0, 1.0, normal_975, nan_value, IntervalMethod::normal};
     double widening = 1.0;
     for (const Eigen::Index k : minimum.step.free) {
         const Uncertainty other = posterior.along(Eigen::VectorXd::Unit(state.u.size(), k));

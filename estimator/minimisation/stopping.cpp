@@ -13,6 +13,10 @@ constexpr int polishing_steps = 12;
 /// This many small steps without halving what is left gain nothing any more.
 constexpr int stagnant_steps = 12;
 
+/// Steps that have not halved what is left for so long go along a fold of the latent states, where the objective is
+/// flat. Measured on the pendulum's sections at noise 5e-3: 9 of 80 runs did so until they were stopped.
+constexpr int crawling_steps = 40;
+
 /// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the
 /// scale is held at its floor these are its sds.
 constexpr double floor_sds = 100.0;
@@ -71,14 +75,16 @@ Decision Stopping::decide(const Standing& standing) {
     if (exhausted(standing)) {
         if (standing.stages_left) return next_stage();
         // Where rounding is the only error, sds are those of rounding: nothing else is left.
-        if (within_rounding(standing) && (standing.at_floor || standing.remaining < converged_sds))
+        if (standing.remaining < converged_sds || (within_rounding(standing) && standing.at_floor))
             return {end, Outcome::converged,
                     "no shorter step decreases the objective and the full step that is left is " + left +
-                        ": the rounding of the residuals is reached"};
+                        (within_rounding(standing) ? ": the rounding of the residuals is reached" : "")};
         return {end, Outcome::no_progress,
                 "no step decreases the objective although the full step that is left is " + left +
                     (within_rounding(standing) ? ": the rounding of the residuals hides what it would gain" : "")};
     }
+    if (set_.latents > 0 && !standing.stages_left && stagnant_ >= crawling_steps && standing.remaining < converged_sds)
+        return {end, Outcome::converged, "steps no longer shorten the full step that is left, " + left};
     if (ledger_.trials >= options.maximum_iterations)
         return {end, Outcome::iteration_limit,
                 "the limit of " + std::to_string(options.maximum_iterations) +

@@ -126,6 +126,37 @@ TEST_CASE("a walk whose steps are linked records has its exact likelihood", "[es
     }
 }
 
+/// With weights by the covariance V = s^2 I + q^2 K, mu = 1^T V^-1 y / 1^T V^-1 1. Where the walk stands still, y has
+/// the covariance s^2 I alone.
+TEST_CASE("slack of links does not count as an error of the parameters", "[estimator][linked]") {
+    const ExactWalk exact(made_walk());
+    constexpr double reading = 0.3;
+    std::mt19937_64 generator(3);
+    std::normal_distribution<double> normal(2.0, reading);
+    Eigen::VectorXd y(points);
+    for (double& one : y)
+        one = normal(generator);
+    for (const double slack : {0.1, 0.03, 1e-4}) {
+        CAPTURE(slack);
+        estimator::Group link = group("matching", slack, false);
+        link.slack = true;
+        FunctionChain chain = linked_walk(y, link, group("reading", reading, false));
+        const auto result = walk_of(chain);
+        REQUIRE(result.status == EstimateStatus::converged);
+        const Eigen::ArrayXd variance = reading * reading + slack * slack * exact.lambda;
+        const double information = (exact.one.square() / variance).sum();
+        const double true_sd = reading * std::sqrt((exact.one / variance).square().sum()) / information;
+        CHECK_THAT(result.parameters[0].laplace_sd, WithinRel(1.0 / std::sqrt(information), 1e-9));
+        CHECK_THAT(result.parameters[0].sd, WithinRel(true_sd, 1e-9));
+        CHECK_THAT(result.covariance(0, 0), WithinRel(true_sd * true_sd, 1e-8));
+        if (slack > 0.05) CHECK(true_sd < 0.8 / std::sqrt(information));
+        // Links that are an error of their own keep it.
+        link.slack = false;
+        FunctionChain kicked = linked_walk(y, link, group("reading", reading, false));
+        CHECK_THAT(walk_of(kicked).parameters[0].sd, WithinRel(1.0 / std::sqrt(information), 1e-9));
+    }
+}
+
 TEST_CASE("linked records of every distribution agree with one dense block", "[estimator][linked]") {
     const Eigen::VectorXd y = heavy_walk(60);
     const std::vector<std::pair<const char*, estimator::Group>> matchings{

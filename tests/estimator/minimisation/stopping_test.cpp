@@ -4,7 +4,7 @@
 
 namespace orbid::tests::stopping_test {
 
-TEST_CASE("what rounding stops has converged only with less than a tenth of a sd left", "[estimator]") {
+TEST_CASE("what stops has converged only with less than a tenth of a sd left", "[estimator]") {
     const estimator::Problem problem;
     const estimator::BlockSet set;
     const estimator::SolverStatistics ledger;
@@ -16,7 +16,8 @@ TEST_CASE("what rounding stops has converged only with less than a tenth of a sd
     using enum estimator::Outcome;
     for (const Row& row :
          {Row{0.05, 1.0, false, converged}, Row{0.2, 1.0, false, no_progress}, Row{14.0, 1.0, false, no_progress},
-          Row{0.05, 1e-9, false, no_progress}, Row{5e-4, 0.0, false, converged}, Row{0.5, 1.0, true, converged}}) {
+          Row{0.05, 1e-9, false, converged}, Row{0.15, 1e-9, false, no_progress}, Row{5e-4, 0.0, false, converged},
+          Row{0.5, 1.0, true, converged}}) {
         CAPTURE(row.remaining, row.rounding);
         estimator::Stopping stopping(problem, set, ledger);
         estimator::Standing standing;
@@ -30,6 +31,27 @@ TEST_CASE("what rounding stops has converged only with less than a tenth of a sd
         if (row.outcome == no_progress && row.rounding == 1.0)
             CHECK_THAT(decision.message, ContainsSubstring("rounding of the residuals hides what it would gain"));
     }
+}
+
+TEST_CASE("steps that crawl have converged only with less than a tenth of a sd left", "[estimator]") {
+    const estimator::Problem problem;
+    const estimator::SolverStatistics ledger;
+    for (const double remaining : {0.05, 0.2})
+        for (const Eigen::Index latents : {0, 2}) {
+            CAPTURE(remaining, latents);
+            estimator::BlockSet set;
+            set.latents = latents;
+            estimator::Stopping stopping(problem, set, ledger);
+            estimator::Standing standing;
+            standing.remaining = remaining;
+            standing.rounding = 1e-9;
+            int steps = 0;
+            while (steps < 100 && stopping.decide(standing).next == estimator::Decision::Next::step) {
+                stopping.accepted();
+                ++steps;
+            }
+            CHECK(steps == (remaining < 0.1 && latents > 0 ? 40 : 100));
+        }
 }
 
 }  // namespace orbid::tests::stopping_test
