@@ -86,9 +86,10 @@ struct LawRecords {
 /// Which second derivative the whitened rows carry.
 ///
 /// step: of the objective itself where it is positive, for fast steps. expected: the Fisher information, for
-/// uncertainties and for ln|H| of (M9); of errors that are in truth zero the second derivative there. guarded: as step, except for far outliers under Student's t. If a step would
-/// carry such a record beyond its mirror image, it counts with its weight g / e, which always descends. This is for
-/// records that are to vanish rather than to scatter. All are equal for normal errors with a fixed covariance.
+/// uncertainties and for ln|H| of (M9); of errors that are in truth zero the second derivative there. guarded: as
+/// step, except for far outliers under Student's t. If a step would carry such a record beyond its mirror image, it
+/// counts with its weight g / e, which always descends. This is for records that are to vanish rather than to scatter.
+/// All are equal for normal errors with a fixed covariance.
 enum class Curvature { step, expected, guarded };
 
 /// Rows S with S^T S = second derivative and S_A^T s = gradient of -ln p with respect to the columns of A (s = last

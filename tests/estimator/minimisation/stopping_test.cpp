@@ -6,7 +6,8 @@ namespace orbid::tests::stopping_test {
 
 TEST_CASE("what stops has converged only with less than a tenth of a sd left", "[estimator]") {
     const estimator::Problem problem;
-    const estimator::BlockSet set;
+    estimator::BlockSet set;
+    set.linked = true;
     const estimator::SolverStatistics ledger;
     struct Row {
         double remaining, rounding;
