@@ -64,9 +64,11 @@ inline constexpr double least_tightness = 1e-4;
     return noise * std::clamp(noisy_tightness * noise, least_noisy_tightness, most_noisy_tightness);
 }
 
-/// Below this an estimated matching sd cannot be distinguished from exact matching: the floor of its scale.
+/// Below this an estimated matching sd cannot be distinguished from exact matching: the floor of its scale. Of noisy
+/// sections it is lower than where exact matching ends, for errors of a model may be that small.
 [[nodiscard]] inline double least_matching(double noise, bool sampled) {
-    const double exact = exact_matching(noise, sampled);
+    const bool folds = noise > noisy_readings && !sampled;
+    const double exact = folds ? noise * least_noisy_tightness : exact_matching(noise, sampled);
     return exact > least_tightness * noise ? exact : least_tightness * noise;
 }
 
