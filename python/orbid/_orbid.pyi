@@ -366,6 +366,7 @@ class Cycle:
     multipliers: Final[Complex]
     ln_multiplier: Final[Array]
     ln_multiplier_covariance: Final[Array]
+    common_errors: Final[Array]
     time: Final[float]
     time_sd: Final[float]
     code: Final[str]
