@@ -87,8 +87,8 @@ std::string simulated_table(const Json& intervals) {
             const double bias = number_at(entry, "bias_in_sds");
             const double ratio = number_at(entry, "bootstrap_sd") / number_at(entry, "sd");
             const bool far = ratio > 1.5 || ratio < 1.0 / 1.5;
-            const auto interval = [&](const char* ends) {
-                return refused || !block_at(entry, ends)[0].is_number() ? std::string() : interval_between(entry, ends);
+            const auto interval = [&, &row = entry](const char* ends) {
+                return refused || !block_at(row, ends)[0].is_number() ? std::string() : interval_between(row, ends);
             };
             table.add({name, number_cell(number_at(entry, "sd"), 3),
                        number_cell(number_at(entry, "bootstrap_sd"), 3, far ? "caution" : ""),

@@ -48,7 +48,7 @@ TEST_CASE("steps that crawl have converged only with less than a tenth of a sd l
             standing.rounding = 1e-9;
             int steps = 0;
             while (steps < 100 && stopping.decide(standing).next == estimator::Decision::Next::step) {
-                stopping.accepted();
+                CHECK(stopping.accepted().empty());
                 ++steps;
             }
             CHECK(steps == (remaining < 0.1 && latents > 0 ? 40 : 100));
