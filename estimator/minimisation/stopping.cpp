@@ -14,7 +14,8 @@ constexpr int polishing_steps = 12;
 constexpr int stagnant_steps = 12;
 
 /// Steps that have not halved what is left for so long go along a fold of the latent states, where the objective is
-/// flat. Measured on the pendulum's sections at noise 5e-3: 9 of 80 runs did so until they were stopped.
+/// flat. Of 80 estimates from the pendulum's sections at noise 5e-3, 71 converged without this rule and that of
+/// converged_sds, 78 with both.
 constexpr int crawling_steps = 40;
 
 /// Steps below this many of the least changes that a residual can show (see error_limits()) are rounding; where the
