@@ -7,16 +7,13 @@
 
 namespace orbid::estimator {
 
-/// 97.5 % quantile of the standard normal density.
-inline constexpr double normal_975 = 1.9599639845400545;
-
 /// dx/du of every parameter, shape (q).
 [[nodiscard]] Eigen::VectorXd slopes(const Problem& problem, const Eigen::VectorXd& theta);
 
 /// Interval of 95 % of a parameter, with its method: never beyond bounds, see bounded_interval(). Of a parameter that
-/// rests on a bound: that of the normal density, or t, if it were released, cut there; a sandwich or an effective count
-/// widens it as much as it widens the free parameters at most. None where the data tell not even the order of
-/// magnitude.
+/// rests on a bound: that of the normal density, or t, if it were released, cut there; a sandwich widens it
+/// as much as it widens the free parameters at most, or without any by the correlation time of the residuals. None
+/// where the data tell not even the order of magnitude.
 void fill_interval(const Problem& problem, const State& state, const Minimum& minimum, const Posterior& posterior,
                    Eigen::Index parameter, Estimated& result);
 

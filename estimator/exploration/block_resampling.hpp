@@ -15,9 +15,8 @@ namespace orbid::estimator {
 /// correlations in a row are below max(2 sqrt(log10 n), 3) / sqrt(n); no such lag before sqrt(n): that. At most
 /// min(3 sqrt(n), n / 3). Autocovariances R are taken about the mean of all sequences, and pooled over them.
 /// @param sequences  equidistant errors without interruption.
-/// Source: D. N. Politis and H. White, Econometric Reviews 23 (2004) 53, D as corrected by A. Patton and these, ibid.
-/// 28
-///         (2009) 372, for circular blocks. The bound of three sds is ours: with few records two come by chance.
+/// Source: D. N. Politis and H. White, Econometric Reviews 23 (2004) 53, for circular blocks; D as corrected with
+///         A. Patton, ibid. 28 (2009) 372. The bound of three sds is ours: with few records two come by chance.
 [[nodiscard]] std::size_t block_length(const std::vector<std::vector<double>>& sequences);
 
 /// Indices below `pool` in blocks of consecutive ones, which go on at 0 beyond the end. Each is drawn equally often.

@@ -49,10 +49,8 @@ Unknown unknown_parameter(const FreeParameter& parameter, const Coordinate& coor
     unknown.sd = estimated.laplace_sd / coordinate.slope(estimated.value);
     unknown.size = coordinate.size(estimated.value, parameter.typical_size);
     unknown.too_few_independent = estimated.interval_method == IntervalMethod::too_few_independent;
-    if (estimated.interval_method == IntervalMethod::sandwich && estimated.sd > 0.0 && estimated.laplace_sd > 0.0) {
-        unknown.widening = estimated.sd / estimated.laplace_sd;
-        unknown.degrees_of_freedom = estimated.interval_degrees_of_freedom;
-    }
+    if (estimated.sd > 0.0 && estimated.laplace_sd > 0.0) unknown.widening = estimated.sd / estimated.laplace_sd;
+    unknown.degrees_of_freedom = estimated.interval_degrees_of_freedom;
     const Support ends = support(parameter.prior);
     unknown.natural_lower = std::max(parameter.lower, ends.lower);
     unknown.natural_upper = std::min(parameter.upper, ends.upper);

@@ -31,7 +31,8 @@ struct Unknown {
     double lower = 0.0;           ///< limits of u, may be infinite
     double upper = 0.0;
     double natural_lower = 0.0;  ///< of the same limits
-    /// sd of the estimate's sandwich over Laplace's; 1 without one. The objective divided by its square is adjusted.
+    /// sd of the estimate over Laplace's: not 1 with a sandwich, and where links are slack. The objective divided by
+    /// its square is adjusted.
     double widening = 1.0;
     double degrees_of_freedom = nan_value;  ///< of the sandwich; nan without one
     bool too_few_independent = false;       ///< the estimate says that the record has no interval for it

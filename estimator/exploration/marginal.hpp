@@ -67,10 +67,10 @@ struct Marginal {
 /// on a grid that follows the density, cubic spline of ln p between, moments and quantiles by quadrature in natural
 /// units. theta and latent states are integrated at fixed error parameters, these around their own conditional mode.
 /// Exact where the conditional densities are normal (linear models: t marginals with an unknown scale); the error is of
-/// second order in their departure from it. Where the interval of the estimate is from a sandwich, ln p is divided by
-/// the square of sd / laplace_sd, the prior included: table and marginal agree. An unknown for which the estimate has
-/// too few independent values has no marginal. Unknowns are computed in parallel; the same result for any number of
-/// threads.
+/// second order in their departure from it. Where sd and laplace_sd of the estimate differ (sandwich, slack), ln p is
+/// divided by the square of their ratio, the prior included: table and marginal agree. An unknown for which the
+/// estimate has too few independent values has no marginal. Unknowns are computed in parallel; the same result for any
+/// number of threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.
 /// @throws models::DataError for names of what is not estimated
 /// @throws std::invalid_argument for options out of range, an estimate that failed or is of other parameters

@@ -73,14 +73,15 @@ Threshold threshold_of(const Conditional& conditional, const Unknown& unknown,
     const bool one_scale = determined > 0.0 && unknown.parameter >= 0;
     const double dof = estimate.degrees_of_freedom;
     Threshold result;
-    double square = boost::math::quantile(boost::math::chi_squared_distribution<double>(1.0), level);
+    double quantile = std::sqrt(boost::math::quantile(boost::math::chi_squared_distribution<double>(1.0), level));
     if (std::isfinite(unknown.degrees_of_freedom)) {
-        square = std::pow(unknown.widening * boost::math::quantile(Student(unknown.degrees_of_freedom), upper), 2);
+        quantile = boost::math::quantile(Student(unknown.degrees_of_freedom), upper);
         result.method = "profile sandwich";
     } else if (one_scale) {
-        square = std::pow(boost::math::quantile(Student(dof), upper), 2);
+        quantile = boost::math::quantile(Student(dof), upper);
         result.method = "profile t";
     }
+    const double square = std::pow(unknown.widening * quantile, 2);
     // The scale takes part of the deviance: what is t^2 at the estimate's scale is less where it follows.
     result.value = one_scale ? (dof + determined) * std::log1p(square / dof) : square;
     return result;

@@ -64,9 +64,9 @@ struct Profile {
 ///
 /// One scale unknown, everything else normal and flat: m ln(1 + t^2 / nu), exact for linear models. Here t is the
 /// quantile of Student's t with nu = n - q degrees of freedom and m = nu + number of determined parameters. Otherwise
-/// chi-squared with one degree of freedom. Where the interval of the estimate is from a sandwich, t is
-/// that of its degrees of freedom times sd / laplace_sd, which stands for the objective divided by its square: table
-/// and profile agree. An unknown for which the estimate has too few independent values has no profile. The ends come
+/// chi-squared with one degree of freedom. Where the interval of the estimate is from a sandwich, t is that of its
+/// degrees of freedom. The quantile is multiplied by sd / laplace_sd, which stands for the objective divided by its
+/// square (sandwich, slack): table and profile agree. An unknown for which the estimate has too few independent values has no profile. The ends come
 /// from the signed root, nearly linear in u: secant steps kept in a bracket, each minimisation started from its
 /// neighbour. Unknowns and sides are computed in parallel; the same result for any number of threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.

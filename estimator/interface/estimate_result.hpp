@@ -54,7 +54,7 @@ struct Estimated {
     double upper95 = 0.0;
     IntervalMethod interval_method = IntervalMethod::none;
     BoundSide at_bound = BoundSide::none;
-    /// sd if the errors were independent; equal to sd unless interval_method is sandwich
+    /// sd by the curvature, as if errors were independent and slack were errors; equal to sd without sandwich and slack
     double laplace_sd = 0.0;
     /// Share of the posterior information on this parameter that comes from the data, in [0, 1]; 0 = from the prior
     /// alone.

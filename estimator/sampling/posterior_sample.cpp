@@ -298,7 +298,7 @@ PosteriorSample sample_posterior(const std::vector<FreeParameter>& parameters,
         potential.col(c) = sample.potential[static_cast<std::size_t>(c)];
     verdict.look("the density", potential);
     judge(sample, verdict);
-    if (adjusted.moves()) sample.message += "; draws of the parameters are moved to the covariance of the sandwich";
+    if (adjusted.moves()) sample.message += "; draws of the parameters are moved to the covariance of the table";
     return sample;
 }
 

@@ -27,14 +27,16 @@ SandwichMap::SandwichMap(const Problem& problem, const Estimate& estimate, const
     centre_.resize(q);
     Eigen::VectorXd slope(q);
     std::vector<Eigen::Index> moved;
+    bool differs = false;
     for (Eigen::Index i = 0; i < q; ++i) {
         const Estimated& parameter = estimate.parameters[static_cast<std::size_t>(i)];
         const Coordinate& coordinate = problem.coordinates[static_cast<std::size_t>(i)];
         centre_[i] = coordinate.at(parameter.value);
         slope[i] = coordinate.slope(parameter.value);
-        if (parameter.interval_method == IntervalMethod::sandwich && parameter.sd > 0.0) moved.push_back(i);
+        if (parameter.sd > 0.0) moved.push_back(i);
+        differs = differs || (parameter.sd > 0.0 && parameter.sd != parameter.laplace_sd);
     }
-    if (moved.empty() || laplace.size() == 0) return;
+    if (!differs || laplace.size() == 0) return;
     // Units of one sd of the table each.
     const auto count = static_cast<Eigen::Index>(moved.size());
     Eigen::VectorXd unit(count);

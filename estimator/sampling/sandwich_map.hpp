@@ -20,7 +20,7 @@ public:
     /// @param laplace  of u, shape (parameters, parameters)
     SandwichMap(const Problem& problem, const Estimate& estimate, const Eigen::MatrixXd& laplace);
 
-    [[nodiscard]] bool moves() const { return map_.size() > 0; }  ///< false: no interval is from a sandwich
+    [[nodiscard]] bool moves() const { return map_.size() > 0; }  ///< false: sds are those of Laplace
     [[nodiscard]] Eigen::VectorXd operator()(const Eigen::VectorXd& u) const;
 
 private:

@@ -15,6 +15,9 @@ struct TestResult {
 
 inline constexpr TestResult undefined_test{nan_value, nan_value};
 
+/// 97.5 % quantile of the standard normal density.
+inline constexpr double normal_975 = 1.9599639845400545;
+
 /// Probability of a standard normal deviate at least as far from zero.
 [[nodiscard]] double two_sided(double z);
 

@@ -213,7 +213,7 @@ std::vector<estimator::BlockValue> CycleResidual::evaluate(const estimator::Acti
     // Blocks that were left out for a while (folds of a validation, orbits that stopped a step) still tell of others.
     std::vector<estimator::BlockLayout> asked = active.layout;
     for (std::size_t b = 0; shared_ > 0 && b < asked.size(); ++b)
-        asked[b].active = asked[b].active || active.memory[memory_parts * b + 4].size() > 0;
+        asked[b].active = asked[b].active || active.memory[memory_parts * b + gain_part].size() > 0;
     auto found = evaluate_blocks(*system_, values, asked, [&](std::size_t b, estimator::BlockValue& block) {
         const PeriodicOrbit orbit = solve(active, b, theta, derivatives);
         if (orbit.status != OrbitStatus::converged) return false;
@@ -288,8 +288,9 @@ estimator::RefreshReport CycleResidual::update_active_set(estimator::ActiveSet& 
     }
     report.changed = report.changed || report.lost + report.rejected + report.added > 0;
     for (std::size_t b = 0; shared_ > 0 && b < layout.size(); ++b)
-        report.changed = report.changed || (targets_.targets[b].common.size() > 0 &&
-                                            layout[b].active != (active.memory[memory_parts * b + 4].size() > 0));
+        report.changed =
+            report.changed || (targets_.targets[b].common.size() > 0 &&
+                               layout[b].active != (active.memory[memory_parts * b + gain_part].size() > 0));
     link(active);
     // What is inactive at the start is counted as lost.
     report.rejected += rejected_before;

@@ -100,6 +100,7 @@ private:
     /// Vectors in that memory for each cycle; after them one with what rejected_at_start() says. The last of a cycle is
     /// its gain (CommonErrorStep); empty: it tells nothing about the errors of others.
     static constexpr std::size_t memory_parts = 5;
+    static constexpr std::size_t gain_part = 4;
     [[nodiscard]] Known known(const estimator::ActiveSet& active, std::size_t block) const;
     static void remember(estimator::ActiveSet& active, std::size_t block, const Known& known);
     [[nodiscard]] static bool has_multipliers(const estimator::ActiveSet& active, std::size_t block);

@@ -71,7 +71,7 @@ void CycleResidual::link(estimator::ActiveSet& active) const {
     CommonErrorFilter filter(shared_);
     for (std::size_t b = 0; b < active.layout.size(); ++b) {
         estimator::BlockLayout& layout = active.layout[b];
-        VectorXd& gain = active.memory[memory_parts * b + 4];
+        VectorXd& gain = active.memory[memory_parts * b + gain_part];
         gain.resize(0);
         layout.shape = own_shape(active, b);
         const MatrixXd common = own_common(active, b);
@@ -99,7 +99,7 @@ void CycleResidual::subtract_known(const estimator::ActiveSet& active, std::vect
             MatrixXd e(value.e.size(), 1 + value.e_theta.cols());
             e << value.e, value.e_theta;
             known.take_from(common, e);
-            const VectorXd& gain = active.memory[memory_parts * b + 4];
+            const VectorXd& gain = active.memory[memory_parts * b + gain_part];
             if (gain.size() > 0) known.learn(gain.reshaped(shared_, e.rows()), e);
             value.e = e.col(0);
             value.e_theta = e.rightCols(e.cols() - 1);

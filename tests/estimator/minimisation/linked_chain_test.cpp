@@ -6,6 +6,8 @@
 
 #include <Eigen/QR>
 
+#include "estimator/exploration/marginal.hpp"
+#include "estimator/exploration/profile.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/exact_walk.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
@@ -150,6 +152,13 @@ TEST_CASE("slack of links does not count as an error of the parameters", "[estim
         CHECK_THAT(result.parameters[0].sd, WithinRel(true_sd, 1e-9));
         CHECK_THAT(result.covariance(0, 0), WithinRel(true_sd * true_sd, 1e-8));
         if (slack > 0.05) CHECK(true_sd < 0.8 / std::sqrt(information));
+        // Profiles and marginals agree with the table.
+        estimator::EstimateOptions options;
+        options.variance = Variance::ml;
+        const auto walked = estimator::profiles({free_parameter("mu", 0.0)}, {&chain}, options, result, {});
+        CHECK_THAT(walked.front().upper - walked.front().lower, WithinRel(2.0 * 1.9599639845400545 * true_sd, 1e-3));
+        const auto density = estimator::marginals({free_parameter("mu", 0.0)}, {&chain}, options, result, {});
+        CHECK_THAT(density.front().sd, WithinRel(true_sd, 1e-3));
         // Links that are an error of their own keep it.
         link.slack = false;
         FunctionChain kicked = linked_walk(y, link, group("reading", reading, false));

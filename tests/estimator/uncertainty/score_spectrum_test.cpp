@@ -201,7 +201,7 @@ TEST_CASE("table, profile, marginal and sample agree where intervals are from a 
     options.draws = 1000;
     options.seed = 5;
     const auto sample = estimator::sample_posterior(line.parameters, residuals, {}, {}, result, options);
-    CHECK_THAT(sample.message, ContainsSubstring("moved to the covariance of the sandwich"));
+    CHECK_THAT(sample.message, ContainsSubstring("moved to the covariance of the table"));
     for (std::size_t k = 0; k < 2; ++k) {
         const estimator::Estimated& table = result.parameters[k];
         REQUIRE(table.interval_method == estimator::IntervalMethod::sandwich);
