@@ -66,9 +66,10 @@ struct Profile {
 /// quantile of Student's t with nu = n - q degrees of freedom and m = nu + number of determined parameters. Otherwise
 /// chi-squared with one degree of freedom. Where the interval of the estimate is from a sandwich, t is that of its
 /// degrees of freedom. The quantile is multiplied by sd / laplace_sd, which stands for the objective divided by its
-/// square (sandwich, slack): table and profile agree. An unknown for which the estimate has too few independent values has no profile. The ends come
-/// from the signed root, nearly linear in u: secant steps kept in a bracket, each minimisation started from its
-/// neighbour. Unknowns and sides are computed in parallel; the same result for any number of threads.
+/// square (sandwich, slack): table and profile agree. An unknown for which the estimate has too few independent values
+/// has no profile. The ends come from the signed root, nearly linear in u: secant steps kept in a bracket, each
+/// minimisation started from its neighbour. Unknowns and sides are computed in parallel; the same result for any number
+/// of threads.
 /// @param estimate  the estimate of the same parameters, residuals and options; residuals are not changed.
 /// @throws models::DataError for names of what is not estimated
 /// @throws std::invalid_argument for options out of range, an estimate that failed or is of other parameters
