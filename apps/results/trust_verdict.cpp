@@ -208,6 +208,8 @@ void judge_model(const ResultContext& context, Reasons& reasons) {
             reasons.none.push_back(what);
         else if (share > 0.01)
             reasons.values.push_back(what);
+        else if (!matching.warnings.empty())
+            reasons.values.push_back(fmt::format("{}: {}", matching.experiment, matching.warnings.front()));
     }
     double worst = 0.0;
     for (const Prediction& prediction : context.predictions)
