@@ -4,12 +4,12 @@
 #include <cmath>
 #include <concepts>
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <limits>
-#include <type_traits>
 
 #include <xsimd/xsimd.hpp>
+
+#include "models/arithmetic/pack_sine.hpp"
 
 namespace orbid::models {
 
@@ -24,8 +24,8 @@ namespace orbid::models {
 /// what was written in halves stalls the processor (measured: twice the time of a step).
 ///
 /// Comparisons give a Mask, which has no truth value: where a model would branch, it has to call select(). Functions
-/// are accurate to 2 ulp, as the tests measure. sin and cos of |x| > 2^50 are nan; that trajectory is then computed in
-/// plain doubles.
+/// are accurate to 2 ulp, as the tests measure. With fused operations sin and cos of |x| > 2^50 are nan; that
+/// trajectory is then computed in plain doubles.
 template <std::size_t R, class Arch = xsimd::default_arch>
 class Pack {
 public:
@@ -120,12 +120,12 @@ public:
     /// factor b + c, rounded once where the machine can.
     [[gnu::always_inline]] friend Pack fma(double factor, const Pack& b, const Pack& c) {
         const Register f(factor);
-        return each([&f](Part x, Part y) { return fused_sum(f, x, y); }, b, c);
+        return each([&f](Part x, Part y) { return detail::fused_sum(f, x, y); }, b, c);
     }
     [[gnu::always_inline]] friend Pack fma(const Pack& a, const Pack& b, const Pack& c) {
         Pack r;
         for (std::size_t i = 0; i < R; ++i)
-            r.part_[i] = fused_sum(a.part_[i], b.part_[i], c.part_[i]);
+            r.part_[i] = detail::fused_sum(a.part_[i], b.part_[i], c.part_[i]);
         return r;
     }
 
@@ -210,14 +210,6 @@ private:
             r.part_[i] = f(operands.part_[i]...);
         return r;
     }
-    /// a b + c with one rounding, where the processor has it. For AVX-512 xsimd 8.1 would multiply and then add.
-    [[gnu::always_inline]] static Register fused_sum(const Register& a, const Register& b, const Register& c) {
-#ifdef __AVX512F__
-        if constexpr (std::is_base_of_v<xsimd::avx512f, Arch>) return _mm512_fmadd_pd(a, b, c);
-#endif
-        return xsimd::fma(a, b, c);
-    }
-
     /// Rarely used functions, by the standard library. Those of xsimd 8.1 are wrong by more than 2 ulp (tan 2.5, atan
     /// 2.2, pow 33) or reduce an argument in a way that depends on the other lanes.
     template <class F, class... Packs>
@@ -230,68 +222,12 @@ private:
         return load(result.data());
     }
 
-    /// sin of a (quarter = 0) or of a + pi/2 (quarter = 1).
-    ///
-    ///     a = (k + quarter/2) pi + r,  |r| <= pi/2,   sin(a + quarter pi/2) = (-1)^(k + quarter) sin r
-    ///
-    /// With fused operations a - k pi_1 has no rounding error: both are multiples of 2^-52, and the difference is below
-    /// 2. pi_1 + pi_2 is pi but for 3e-33; so close to a multiple k pi the error is 3e-33 k where that exceeds 2 ulp.
-    /// sin r = r + r^3 P(r^2), P the polynomial of degree 7 with the least relative error on [0, (pi/2)^2], 2.8e-19
-    /// (exchange algorithm in 50 digits). xsimd reduces by pi/2, evaluates two polynomials and asks all lanes which
-    /// reduction to take.
     template <int quarter>
     [[gnu::always_inline]] Pack sine() const {
-        using Bits = xsimd::batch<std::int64_t, Arch>;
-        if constexpr (!fused) {
-            return lanewise([](double x) { return quarter == 0 ? std::sin(x) : std::cos(x); }, *this);
-        } else {
-            constexpr double inverse_pi = 0.31830988618379069, pi_1 = 3.1415926535897931, pi_2 = 1.2246467991473532e-16;
-            // Adding 1.5 2^52 rounds to a whole number, whose last bit is then that of the sum.
-            constexpr double round = 0x1.8p52;
-            constexpr double p[] = {-0.16666666666666666,    0.0083333333333331944,  -0.00019841269841209072,
-                                    2.755731921111125e-06,   -2.505210687035718e-08, 1.6058939580014569e-10,
-                                    -7.6429881393809621e-13, 2.7211389437411986e-15};
-            Register whole[R], turns[R], r[R], square[R], sum[R];
-            Pack result;
-            for (std::size_t i = 0; i < R; ++i) {
-                if constexpr (quarter == 0)
-                    whole[i] = fused_sum(part_[i], Register(inverse_pi), Register(round));
-                else
-                    whole[i] = fused_sum(part_[i], Register(inverse_pi), Register(-0.5)) + Register(round);
-                turns[i] = whole[i] - Register(round);
-                if constexpr (quarter == 1) turns[i] = turns[i] + Register(0.5);
-            }
-            for (std::size_t i = 0; i < R; ++i)
-                r[i] = fused_sum(-turns[i], Register(pi_1), part_[i]);
-            for (std::size_t i = 0; i < R; ++i)
-                r[i] = fused_sum(-turns[i], Register(pi_2), r[i]);
-            for (std::size_t i = 0; i < R; ++i) {
-                square[i] = r[i] * r[i];
-                sum[i] = Register(p[7]);
-            }
-            for (int j = 6; j >= 0; --j)
-                for (std::size_t i = 0; i < R; ++i)
-                    sum[i] = fused_sum(sum[i], square[i], Register(p[j]));
-            for (std::size_t i = 0; i < R; ++i) {
-                const Register magnitude = fused_sum(sum[i], r[i] * square[i], r[i]);
-                Bits sign = xsimd::bitwise_cast<Bits>(whole[i]) << 63;
-                if constexpr (quarter == 1) sign = sign ^ Bits(std::numeric_limits<std::int64_t>::min());
-                const Register signed_value =
-                    xsimd::bitwise_cast<Register>(xsimd::bitwise_cast<Bits>(magnitude) ^ sign);
-                // Beyond, the sum has no bits left for the last whole number; all bits set are a nan.
-                const auto beyond = !(xsimd::abs(part_[i]) <= Register(0x1p50));
-                result.part_[i] =
-                    xsimd::select(beyond, Register(std::numeric_limits<double>::quiet_NaN()), signed_value);
-            }
-            return result;
-        }
+        Pack result;
+        detail::sine<quarter>(part_, result.part_);
+        return result;
     }
-
-#ifdef __FMA__
-    static constexpr bool fused = true;
-#else
-    static constexpr bool fused = false;
-#endif
 
     Register part_[R];
 };
