@@ -160,7 +160,10 @@ VectorXd start_range(const ModelSection& section, std::uint64_t seed, const mode
     return range;
 }
 
-SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options) {
+namespace {
+
+/// Trajectories that are followed until they settle or are lost, and the extent of their sections.
+SectionPieces long_pieces(const ModelSection& section, const SectionPiecesOptions& options) {
     const models::System& system = section.system;
     const Index n = system.dimension();
     const std::vector<Index> angles = angle_coordinates(system);
@@ -215,6 +218,33 @@ SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOp
         const Index kept = inside(system, result, piece);
         if (kept > 0) result.pieces.push_back(piece.leftCols(kept));
     }
+    return result;
+}
+
+/// One return of states all over the extent of the section and half as far around it: where points go that the
+/// trajectories do not visit. Orbits off the attractor pass there.
+void add_single_steps(const ModelSection& section, const SectionPiecesOptions& options, SectionPieces& result) {
+    const VectorXd middle = result.lowest + 0.5 * result.size;
+    const VectorXd half = 0.75 * result.size;
+    constexpr std::size_t at_once = 4096;
+    for (std::size_t first = 0; first < options.points; first += at_once) {
+        MatrixXd starts = random_states(half, models::splitmix64_finalizer(options.seed), first,
+                                        std::min(at_once, options.points - first));
+        starts.colwise() += middle;
+        for (const MatrixXd& sections : advance(section, starts, 1, options.flow).sections) {
+            MatrixXd piece(starts.rows(), 0);
+            append_finite(piece, sections, 0);
+            if (inside(section.system, result, piece) == 2) result.pieces.push_back(std::move(piece));
+        }
+    }
+}
+
+}  // namespace
+
+SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options) {
+    SectionPieces result = long_pieces(section, options);
+    // States around a plane are not on it.
+    if (section.system.kind() != models::Kind::autonomous) add_single_steps(section, options, result);
     return result;
 }
 

@@ -35,7 +35,7 @@ struct SectionPieces {
 };
 
 struct SectionPiecesOptions {
-    std::size_t points = 1U << 18U;  ///< simulated in all, > 0
+    std::size_t points = 1U << 18U;  ///< of long trajectories, > 0; forced models and maps: as many single steps
     std::size_t trajectories = 256;  ///< at a time, > 0
     std::uint64_t seed = 1;
     MatrixXd initial{};  ///< shape (n, m): states from which the first trajectories begin; may be empty
@@ -54,7 +54,8 @@ struct SectionPiecesOptions {
 
 /// Trajectories from states that are uniform within start_range(). One that settles on a stable orbit or cannot be
 /// continued is replaced by another, but its points are kept. (Settled: 64 sections repeat after p <= 32 within 1e-9 of
-/// the size.) The same bytes with any number of threads.
+/// the size.) For forced models and maps they are followed by single steps from states that are uniform over the extent
+/// of these trajectories and half as far around it. The same bytes with any number of threads.
 [[nodiscard]] SectionPieces simulate_pieces(const ModelSection& section, const SectionPiecesOptions& options);
 
 /// State number `index` of a stream of uniform random states within +-range. Shape (n).

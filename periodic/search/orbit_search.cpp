@@ -91,8 +91,15 @@ std::string_view name(StartOrigin origin) {
 
 namespace {
 
+/// Whether orbits of all periods that divide this one are looked for.
+bool has_divisors(const std::vector<int>& periods, int period) {
+    for (int divisor = 1; divisor < period; ++divisor)
+        if (period % divisor == 0 && std::find(periods.begin(), periods.end(), divisor) == periods.end()) return false;
+    return true;
+}
+
 /// All starts, period after period. `settled` gets an entry for each of these periods.
-void try_starts(StartSearch& search, const std::vector<int>& periods, const OrbitSearchOptions& options,
+void try_starts(StartSearch& search, const std::vector<int>& periods, const OrbitSearchOptions& options, bool forced,
                 std::vector<bool>& settled) {
     search.from_codes();
     for (const int period : periods) {
@@ -108,6 +115,13 @@ void try_starts(StartSearch& search, const std::vector<int>& periods, const Orbi
         for (std::size_t i = 0; i < periods.size(); ++i)
             search.from_orbits(periods[i], used[i], settled[i] ? sample : std::numeric_limits<std::size_t>::max());
     }
+    // Where trajectories stay within a disc or a cylinder, unequal sums of indices tell of missing orbits.
+    if (forced)
+        for (std::size_t i = 0; i < periods.size(); ++i) {
+            if (!has_divisors(periods, periods[i]) || search.stopped()) continue;
+            search.from_variants(periods[i]);
+            settled[i] = settled[i] && search.indices_agree(periods[i]);
+        }
 }
 
 }  // namespace
@@ -127,7 +141,7 @@ OrbitSearch search_orbits(const models::System& system, const VectorXd& theta, c
     periods.erase(std::unique(periods.begin(), periods.end()), periods.end());
     OrbitSearch result;
     try {
-        try_starts(search, periods, options, result.settled);
+        try_starts(search, periods, options, system.kind() == models::Kind::forced, result.settled);
     } catch (const models::Stopped&) {
         // A flow was left: the starts of its batch are lost, the orbits of those before are not.
         result.interrupted = true;

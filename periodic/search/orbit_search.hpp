@@ -37,7 +37,9 @@ struct OrbitSearchOptions {
     double phase = 0.0;                      ///< of the section [rad] (forced models)
     std::optional<models::Section> section;  ///< autonomous flows: needed
     std::uint64_t seed = 1;
-    std::size_t points = 1U << 17U;  ///< of the section that are simulated, >= 100
+    /// Of the section that are simulated, >= 100. For forced models and maps as many single steps follow, from states
+    /// all over the section.
+    std::size_t points = 1U << 17U;
     std::size_t trajectories = 256;  ///< at a time, >= 1; from random states
     Eigen::MatrixXd initial{};       ///< shape (n, m): states from which the first trajectories begin; may be empty
     bool symmetry = true;            ///< look for the mirror image of every orbit (models that declare a symmetry)
@@ -72,7 +74,8 @@ struct FoundOrbit {
 
 struct OrbitSearch {
     /// For each period asked for, ascending: the last round of joined pieces, with cells of another size than before,
-    /// found nothing new. False: there are probably more (longer periods: more `points`, more `loops`).
+    /// found nothing new, and for forced models the sums of indices agree (index_sums()). False: there are probably
+    /// more (longer periods: more `points`, more `loops`).
     std::vector<bool> settled;
     std::vector<FoundOrbit> orbits;  ///< by period, rotation, points; the same with any number of threads
     std::size_t starts = 0;          ///< that were solved

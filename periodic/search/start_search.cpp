@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -9,6 +10,8 @@
 
 #include "models/arithmetic/splitmix64.hpp"
 #include "periodic/orbit/coarse_flow.hpp"
+#include "periodic/orbit/winding_number.hpp"
+#include "periodic/search/index_sum.hpp"
 #include "periodic/search/pseudo_orbit_start.hpp"
 #include "periodic/search/recurrence_start.hpp"
 #include "periodic/search/section_cell.hpp"
@@ -35,6 +38,10 @@ constexpr double finest_first_edge = 1.0 / 64.0;
 constexpr double coarsest_edge = 1.0 / 8.0 + 1e-9;
 constexpr double finest_edge = 1e-3;
 constexpr double edge_ratio = 1.4142135623730951;
+
+/// Starts from one loop of cells where strong stretching leads several orbits through the same cells.
+constexpr std::size_t variants = 8;
+constexpr double variants_edge = 1.0 / 32.0;
 
 /// Random states that are tried for every period.
 constexpr std::size_t scattered_states = 64;
@@ -70,7 +77,8 @@ StartSearch::StartSearch(const ModelSection& section, const OrbitSearchOptions& 
     if (options.symmetry) signs_ = section_signs(section);
 }
 
-void StartSearch::solve(std::size_t count, StartOrigin origin, const std::function<MatrixXd(std::size_t)>& start_at) {
+void StartSearch::solve(std::size_t count, StartOrigin origin, std::size_t patience,
+                        const std::function<MatrixXd(std::size_t)>& start_at) {
     std::size_t idle = 0;
     for (std::size_t done = 0; done < count && !stopped(); done += batch) {
         const std::size_t size = std::min(batch, count - done);
@@ -88,7 +96,7 @@ void StartSearch::solve(std::size_t count, StartOrigin origin, const std::functi
             if (points.cols() > 0 && list_.add(points, origin, options_.symmetry)) idle = 0;
         }
         if (options_.progress) options_.progress(starts_, list_.orbits().size());
-        if (idle >= options_.patience && 4 * idle >= done + size) return;
+        if (idle >= patience && 4 * idle >= done + size) return;
     }
 }
 
@@ -104,36 +112,56 @@ void StartSearch::from_codes() {
 
 void StartSearch::from_recurrences(int period) {
     const auto starts = recurrence_starts(section_.system, pieces_, period, options_.widest, recurrence_cell, signs_);
-    solve(starts.size(), StartOrigin::recurrence, [&](std::size_t k) { return starts[k].points(pieces_, period); });
+    solve(starts.size(), StartOrigin::recurrence, options_.patience,
+          [&](std::size_t k) { return starts[k].points(pieces_, period); });
 }
 
 void StartSearch::from_scattered(int period) {
     const VectorXd middle = pieces_.lowest + 0.5 * pieces_.size;
-    solve(scattered_states, StartOrigin::scattered, [&](std::size_t k) {
+    solve(scattered_states, StartOrigin::scattered, options_.patience, [&](std::size_t k) {
         const VectorXd x = on_section(middle + random_state(pieces_.size, options_.seed, k));
         return chart_.returned(x, period, coarse_.flow).points;
     });
 }
 
-bool StartSearch::from_joined(int period) {
+double StartSearch::first_edge(int period) const {
     double edge = std::clamp(edge_at_2_17 * std::sqrt(0x1p17 / static_cast<double>(options_.points)), finest_first_edge,
                              coarsest_edge / edge_ratio);
-    auto loops = loops_of(period, edge);
-    while (!loops && edge > finest_edge) {
+    while (edge > finest_edge && !loops_of(period, edge, 0))
         edge /= edge_ratio;
-        loops = loops_of(period, edge);
-    }
-    bool in_vain = false;
-    for (bool first = true; loops && edge <= coarsest_edge && !stopped(); first = false) {
+    return edge;
+}
+
+bool StartSearch::from_joined(int period) {
+    bool in_vain = false, first = true;
+    for (double edge = first_edge(period); edge <= coarsest_edge && !stopped(); edge *= edge_ratio) {
+        const auto loops = loops_of(period, edge, 1);
+        if (!loops) break;
         const std::size_t before = list_.orbits().size();
-        solve(loops->size(), StartOrigin::joined, [&](std::size_t k) { return (*loops)[k]; });
+        solve(loops->size(), StartOrigin::joined, options_.patience, [&](std::size_t k) { return (*loops)[k]; });
         in_vain = list_.orbits().size() == before;
         // The finest cells may have next to no loops: they do not decide alone.
         if (in_vain && !first) break;
-        edge *= edge_ratio;
-        loops = loops_of(period, edge);
+        first = false;
     }
     return in_vain && !stopped();
+}
+
+bool StartSearch::indices_agree(int period) const {
+    std::vector<PeriodicOrbit> orbits;
+    for (const FoundOrbit& found : list_.orbits())
+        if (period % found.orbit.period == 0) orbits.push_back(found.orbit);
+    const std::vector<int> sums = index_sums(orbits, period);
+    return sums.front() == sums.back();
+}
+
+void StartSearch::from_variants(int period) {
+    for (double edge = variants_edge; edge <= coarsest_edge && !stopped() && !indices_agree(period);
+         edge *= edge_ratio) {
+        if (const auto loops = loops_of(period, edge, variants))
+            // What is missing is rare: all are tried.
+            solve(loops->size(), StartOrigin::joined, loops->size(), [&](std::size_t k) { return (*loops)[k]; });
+    }
 }
 
 void StartSearch::from_orbits(int period, std::size_t& used, std::size_t most) {
@@ -151,28 +179,33 @@ void StartSearch::from_orbits(int period, std::size_t& used, std::size_t most) {
     for (std::size_t k = 0; k < seeds.size() * matrices.size(); ++k)
         order.emplace_back(models::splitmix64_finalizer(k), k);
     std::sort(order.begin(), order.end());
-    solve(std::min(most, order.size()), StartOrigin::orbit, [&](std::size_t i) {
+    solve(std::min(most, order.size()), StartOrigin::orbit, options_.patience, [&](std::size_t i) {
         const std::size_t k = order[i].second;
         return stabilised_start(chart_, seeds[k / matrices.size()], period, matrices[k % matrices.size()], stabilised)
             .value_or(MatrixXd());
     });
 }
 
-std::optional<std::vector<MatrixXd>> StartSearch::loops_of(int period, double edge) const {
+std::optional<std::vector<MatrixXd>> StartSearch::loops_of(int period, double edge, std::size_t most) const {
     const SectionCells cells(section_.system, pieces_.size, edge, signs_);
-    const PseudoOrbits joined(pieces_, cells);
+    const PseudoOrbits joined(pieces_, cells, angle_coordinates(section_.system));
     const auto loops = joined.loops(period, options_.loops);
     if (!loops) return std::nullopt;
     std::vector<std::uint64_t> known;
     for (const FoundOrbit& found : list_.orbits())
         if (found.orbit.period == period) known.push_back(itinerary_name(cells, found.orbit.points));
     std::sort(known.begin(), known.end());
-    std::vector<MatrixXd> starts;
+    // The closest start of every loop, then the next closest ones.
+    std::vector<std::vector<MatrixXd>> ranked(most);
     for (const auto& loop : *loops) {
-        MatrixXd points = joined.points(loop);
-        if (!std::binary_search(known.begin(), known.end(), itinerary_name(cells, points)))
-            starts.push_back(std::move(points));
+        std::vector<MatrixXd> starts = joined.starts(loop, most);
+        for (std::size_t rank = 0; rank < starts.size(); ++rank)
+            if (most > 1 || !std::binary_search(known.begin(), known.end(), itinerary_name(cells, starts[rank])))
+                ranked[rank].push_back(std::move(starts[rank]));
     }
+    std::vector<MatrixXd> starts;
+    for (std::vector<MatrixXd>& rank : ranked)
+        std::move(rank.begin(), rank.end(), std::back_inserter(starts));
     return starts;
 }
 

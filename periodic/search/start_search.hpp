@@ -36,6 +36,13 @@ public:
     /// @return the last round, with cells of another size than before, found nothing new.
     bool from_joined(int period);
 
+    /// Several starts from every loop of cells, of known orbits too, until a round ends with indices_agree().
+    void from_variants(int period);
+
+    /// The sum of the indices over the points of the listed orbits whose period divides this one is that over fixed
+    /// points (see index_sums()).
+    [[nodiscard]] bool indices_agree(int period) const;
+
     /// Stabilised iterations that begin at the points of orbits of other periods.
     /// @param used  orbits of the list that have already served; set to all.
     /// @param most  iterations, a mixed sample of all.
@@ -47,12 +54,17 @@ public:
     [[nodiscard]] std::size_t starts() const { return starts_; }
 
 private:
-    /// Solves starts in batches until all are tried or too many in a row found nothing.
+    /// Solves starts in batches until all are tried or `patience` in a row found nothing.
     /// @param start_at  points of start number k; empty: none.
-    void solve(std::size_t count, StartOrigin origin, const std::function<MatrixXd(std::size_t)>& start_at);
+    void solve(std::size_t count, StartOrigin origin, std::size_t patience,
+               const std::function<MatrixXd(std::size_t)>& start_at);
 
-    /// Points of the loops of one length through cells of one edge, without those of known orbits; none: too many.
-    [[nodiscard]] std::optional<std::vector<MatrixXd>> loops_of(int period, double edge) const;
+    /// The finest cells of one length's rounds: finer than usual where those have too many loops.
+    [[nodiscard]] double first_edge(int period) const;
+
+    /// At most `most` starts from each loop of one length through cells of one edge; none: too many loops. With one
+    /// start a loop, those of known orbits are left out.
+    [[nodiscard]] std::optional<std::vector<MatrixXd>> loops_of(int period, double edge, std::size_t most) const;
 
     [[nodiscard]] VectorXd on_section(const VectorXd& x) const;
 
