@@ -12,6 +12,8 @@
 #include <openssl/evp.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/documents/json_value.hpp"
+
 namespace orbid::apps {
 namespace {
 
@@ -122,7 +124,7 @@ std::string to_text(const Fingerprint& value) {
 }
 
 std::optional<Fingerprint> fingerprint_from_text(std::string_view text) {
-    const auto json = nlohmann::json::parse(text, nullptr, false);
+    const auto json = json_value_or_discarded(text);
     if (!json.is_object() || !json.contains("sha256") || !json["sha256"].is_string() || !json.contains("keys") ||
         !json["keys"].is_array()) {
         return std::nullopt;

@@ -143,9 +143,11 @@ std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Inde
 bool is_name(const std::string& name, const ValueReader& at) {
     const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
     const auto digit = [](char c) { return c >= '0' && c <= '9'; };
-    const bool good = !name.empty() && letter(name.front()) &&
+    const bool good = !name.empty() && name.size() <= 100 && letter(name.front()) &&
                       std::all_of(name.begin(), name.end(), [&](char c) { return letter(c) || digit(c); });
-    if (!good) at.report(fmt::format("\"{}\" is no name: letters, digits and _, no digit first", name));
+    if (!good)
+        at.report(fmt::format("\"{}{}\" is no name: letters, digits and _, no digit first, at most 100 characters",
+                              name.substr(0, 100), name.size() > 100 ? "..." : ""));
     return good;
 }
 

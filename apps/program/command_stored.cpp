@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/printable.hpp"
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/periodic_job.hpp"
@@ -49,6 +50,17 @@ double number_of(const CommandCall& call, const std::string& option, double with
     return number;
 }
 
+/// The folder that a prediction is stored in: that of the option, or one in the folder of the run. That may come from
+/// somebody else: a link in it would lead out of it.
+std::filesystem::path prediction_folder(const CommandCall& call, const StoredRun& run,
+                                        const std::filesystem::path& data) {
+    const auto own = run.folder / ("predict_" + data.stem().string());
+    if (!call.has("out") && std::filesystem::is_symlink(own))
+        throw FolderRefused(
+            fmt::format("{} is a symbolic link: give the folder for the results by --out", own.string()));
+    return call.value("out", own.string());
+}
+
 std::string plot_list(const StoredRun& run) {
     SummaryTable table({left_aligned("plot"), left_aligned("shows")});
     for (const AvailablePlot& plot : available_plots(run))
@@ -71,6 +83,8 @@ int with_stored_files(const CommandCall& call, const std::function<int()>& comma
         return refused(error, wrong_call);
     } catch (const FolderRefused& error) {
         return refused(error, wrong_call);
+    } catch (const FileUnreadable& error) {
+        return refused(error, unusable_data);
     } catch (const orbits::DataError& error) {
         return refused(error, unusable_data);
     }
@@ -116,7 +130,7 @@ int plot_run(const CommandCall& call) {
         const std::string out = call.value("out", (run.folder / fmt::format("plot_{}.{}", name, type)).string());
         const std::string bytes = picture_file(svg, format, dots);
         if (out == "-") {
-            call.console.out << bytes;
+            write_unfiltered(call.console.out, bytes);
         } else {
             write_atomically(out, bytes);
             call.console.out << out << '\n';
@@ -133,7 +147,7 @@ int predict_motions_of(const CommandCall& call, const StoredRun& run, const std:
     if (call.has("inputs"))
         throw CommandLineError("--inputs belongs to a record; a question on periodic motions has none");
     const Job& job = question.job;
-    const std::filesystem::path out = call.value("out", (run.folder / ("predict_" + file.stem().string())).string());
+    const std::filesystem::path out = prediction_folder(call, run, file);
     const nlohmann::json document = nlohmann::json::parse(job_document(job, out, versions()).dump());
     OutputFolder folder(out, document, job_text(job, out, versions()), call.has("force"));
     Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
@@ -173,8 +187,7 @@ int predict_run(const CommandCall& call) {
             return predict_motions_of(call, run, data);
         }
         const PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
-        const std::filesystem::path out =
-            call.value("out", (run.folder / ("predict_" + data.stem().string())).string());
+        const std::filesystem::path out = prediction_folder(call, run, data);
         const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
         OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
         progress.within("reading the record");

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "apps/documents/json_text.hpp"
+#include "apps/documents/json_value.hpp"
 
 namespace orbid::apps {
 
@@ -161,7 +162,7 @@ std::string orbits_text(const CycleFileHead& head, const ComputedOrbits& orbits,
 }
 
 std::optional<StoredOrbits> stored_orbits(std::string_view text) {
-    const auto json = nlohmann::json::parse(text, nullptr, false);
+    const auto json = json_value_or_discarded(text);
     try {
         StoredOrbits stored;
         if (json.contains("fingerprint")) stored.fingerprint = json["fingerprint"].dump();

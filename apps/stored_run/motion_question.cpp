@@ -8,6 +8,7 @@
 
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/json_reader.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/periodic_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
@@ -27,9 +28,9 @@ Json read_question(const std::filesystem::path& file) {
         throw orbits::DataError(fmt::format("{}: no such file", file.string()));
     if (file.extension() != ".json") return {{"measured", {{"file", std::filesystem::absolute(file).string()}}}};
     try {
-        return Json::parse(read_whole_file(file), nullptr, true, true);
-    } catch (const nlohmann::json::parse_error& error) {
-        throw orbits::DataError(fmt::format("{}: {}", file.string(), error.what()));
+        return json_value<Json>(read_whole_file(file), true);
+    } catch (const JsonRefused& error) {
+        throw orbits::DataError(fmt::format("{}:{}", file.string(), error.what()));
     }
 }
 
@@ -234,7 +235,7 @@ void read_bands(const Json& question, MotionQuestion& asked, const QuestionPlace
 bool is_motion_question(const StoredRun& run, const std::filesystem::path& file) {
     if (!std::filesystem::is_regular_file(file)) return false;
     if (file.extension() != ".json") return run.experiments().empty() && branch_residual(run) != nullptr;
-    const auto json = Json::parse(read_whole_file(file), nullptr, false, true);
+    const auto json = json_value_or_discarded<Json>(read_whole_file(file), true);
     return json.is_object() && (json.contains("periodic") || json.contains("measured"));
 }
 

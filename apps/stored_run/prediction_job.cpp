@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/text_table.hpp"
@@ -86,9 +87,9 @@ void replace_inputs(const StoredRun& run, const std::filesystem::path& inputs, b
 Json data_object(const std::filesystem::path& file) {
     Json object;
     try {
-        object = Json::parse(read_whole_file(file), nullptr, true, true);
-    } catch (const nlohmann::json::parse_error& error) {
-        throw orbits::DataError(fmt::format("{}: {}", file.string(), error.what()));
+        object = json_value<Json>(read_whole_file(file), true);
+    } catch (const JsonRefused& error) {
+        throw orbits::DataError(fmt::format("{}:{}", file.string(), error.what()));
     }
     if (!object.is_object() || !object.contains("file") || !object["file"].is_string())
         throw orbits::DataError(

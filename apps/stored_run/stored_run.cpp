@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/stages/data_stage.hpp"
@@ -20,24 +21,16 @@ namespace {
 
 using Json = StoredRun::Json;
 
-/// "3:17" of a byte offset counted from 1.
-std::string place_of(std::string_view text, std::size_t byte) {
-    const std::string_view before = text.substr(0, std::min(byte > 0 ? byte - 1 : 0, text.size()));
-    const auto line = std::count(before.begin(), before.end(), '\n') + 1;
-    const auto start = before.rfind('\n');
-    return fmt::format("{}:{}", line, before.size() - (start == std::string_view::npos ? 0 : start + 1) + 1);
-}
-
 /// @param format  what "format" must say; empty: the file has no such key.
 std::optional<Json> read_file(const std::filesystem::path& file, std::string_view format) {
     if (!std::filesystem::exists(file)) return std::nullopt;
     const std::string text = read_whole_file(file);
     Json json;
     try {
-        json = Json::parse(text);
-    } catch (const nlohmann::json::parse_error& error) {
-        throw orbits::DataError(fmt::format("{}:{}: is not JSON; the file was changed or cut off after it was stored",
-                                            file.string(), place_of(text, error.byte)));
+        json = json_value<Json>(text);
+    } catch (const JsonRefused& error) {
+        throw orbits::DataError(
+            fmt::format("{}:{}; the file was changed or cut off after it was stored", file.string(), error.what()));
     }
     if (!json.is_object())
         throw orbits::DataError(fmt::format("{}:1:1: must be an object, is {}", file.string(), json.type_name()));
