@@ -69,6 +69,16 @@ std::string plot_list(const StoredRun& run) {
     return table.text();
 }
 
+/// What is said of a folder whose files do not hold what this program stores in them.
+std::string changed_folder(const std::filesystem::path& folder, const nlohmann::json::exception& error) {
+    std::string rule = error.what();
+    rule = rule.substr(std::min(rule.find("] ") + 2, rule.size()));
+    return fmt::format(
+        "{}: a JSON file in this folder does not hold what is stored there ({}); it was changed since: restore it, or "
+        "run the job again",
+        folder.string(), rule);
+}
+
 /// Runs a command on stored files; reports their problems on standard error and then returns 2 or 3.
 int with_stored_files(const CommandCall& call, const std::function<int()>& command) {
     const auto refused = [&call](const std::exception& error, int code) {
@@ -77,6 +87,9 @@ int with_stored_files(const CommandCall& call, const std::function<int()>& comma
     };
     try {
         return command();
+    } catch (const nlohmann::json::exception& error) {
+        call.console.error << changed_folder(call.words.at(0), error) << '\n';
+        return unusable_data;
     } catch (const StoredRunRefused& error) {
         return refused(error, wrong_call);
     } catch (const PictureRefused& error) {
@@ -250,6 +263,10 @@ void store_report(OutputFolder& folder, std::ostream& complaints, const std::fun
         run.interrupted = stopped;
         folder.store("report.html", report_html(run));
     } catch (const StoredRunRefused& error) {
+        complaints << "report.html: " << error.what() << '\n';
+    } catch (const nlohmann::json::exception& error) {
+        complaints << "report.html: " << changed_folder(folder.file(""), error) << '\n';
+    } catch (const FileUnreadable& error) {
         complaints << "report.html: " << error.what() << '\n';
     } catch (const orbits::DataError& error) {
         complaints << "report.html: " << error.what() << '\n';

@@ -1,5 +1,6 @@
 #include "apps/results/orbit_file.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -100,6 +101,17 @@ ComputedOrbit orbit_of(const nlohmann::json& json) {
     return computed;
 }
 
+/// Of every orbit as many points as its period, all of one dimension; mirror images that are in the list.
+bool consistent(const std::vector<ComputedOrbit>& list) {
+    return std::all_of(list.begin(), list.end(), [&](const ComputedOrbit& one) {
+        const periodic::PeriodicOrbit& orbit = one.orbit;
+        const bool mirrored = !one.mirror || (*one.mirror >= 0 && static_cast<std::size_t>(*one.mirror) < list.size());
+        const bool whole =
+            orbit.points.cols() == orbit.period && orbit.points.rows() == list.front().orbit.points.rows();
+        return orbit.period >= 1 && mirrored && (whole || (!one.computed && orbit.points.size() == 0));
+    });
+}
+
 }  // namespace
 
 namespace detail {
@@ -175,7 +187,7 @@ std::optional<StoredOrbits> stored_orbits(std::string_view text) {
             stored.orbits.unsettled = json["search"].at("unsettled").get<std::vector<int>>();
             stored.orbits.index_sums = json["search"].at("index_sums").get<std::vector<int>>();
         }
-        return stored;
+        return consistent(stored.orbits.list) ? std::optional(std::move(stored)) : std::nullopt;
     } catch (const nlohmann::json::exception&) {
         return std::nullopt;  // another layout: not ours, or of an older version
     }

@@ -92,8 +92,9 @@ std::vector<std::pair<std::string, double>> named_values(const Json& object, con
 /// job's own start is near the orbit at the job's own values, the other one is the orbit at the estimate.
 void start_on_fitted_branch(const StoredRun& run, double own, Json& residual) {
     const Json* file = run.shown_branch();
-    if (file == nullptr || !file->contains("branches") || (*file)["parameter"]["name"] != residual["parameter"]) return;
-    for (const Json& branch : (*file)["branches"])
+    if (file == nullptr || !file->contains("branches") || file->at("parameter").at("name") != residual.at("parameter"))
+        return;
+    for (const Json& branch : file->at("branches"))
         for (const Json& point : branch.at("points")) {
             if (point.at("parameter") != own) continue;
             residual["orbit"]["points"] = point.at("points");
@@ -153,11 +154,11 @@ Json periodic_of(const Json& residual, double own, const Eigen::VectorXd& at) {
     lower = lower > 0.0 ? std::max(lower - beyond, 0.5 * lower) : lower - beyond;
     upper += beyond;
     if (residual.contains("range")) {
-        lower = std::min(lower, residual["range"][0].get<double>());
-        upper = std::max(upper, residual["range"][1].get<double>());
+        lower = std::min(lower, residual.at("range").at(0).get<double>());
+        upper = std::max(upper, residual.at("range").at(1).get<double>());
     }
-    return {{"orbits", Json::array({residual["orbit"]})},
-            {"continuation", {{"parameter", residual["parameter"]}, {"range", {lower, upper}}}}};
+    return {{"orbits", Json::array({residual.at("orbit")})},
+            {"continuation", {{"parameter", residual.at("parameter")}, {"range", {lower, upper}}}}};
 }
 
 /// Reads the job that a question has become. Its places are named as the question has them.

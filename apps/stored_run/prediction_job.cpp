@@ -181,7 +181,7 @@ bool settle_errors(const Json& estimated, Json& errors) {
                 value = *found;
             }
         } else if (estimated.contains(key) && estimated[key].is_object() && estimated[key].contains("value")) {
-            value = estimated[key]["value"];
+            value = estimated.at(key).at("value");
         }
     }
     return known;
@@ -193,12 +193,12 @@ Json settled_errors(const StoredRun& run, const std::string& experiment, bool& k
     known = residual != nullptr && residual->contains("errors");
     Json errors = Json::object();
     if (!known) return errors;
-    for (const auto& [coordinate, entry] : (*residual)["errors"].items()) {
+    for (const auto& [coordinate, entry] : residual->at("errors").items()) {
         Json settled = entry;
         Json estimated = Json::object();
         for (const std::string& group : {"series." + experiment + "." + coordinate, "series." + coordinate}) {
-            if (run.result->contains("errors") && (*run.result)["errors"].contains(group)) {
-                estimated = (*run.result)["errors"][group];
+            if (run.result->contains("errors") && run.result->at("errors").contains(group)) {
+                estimated = run.result->at("errors").at(group);
                 break;
             }
         }

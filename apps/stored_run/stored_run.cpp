@@ -1,6 +1,6 @@
 #include "apps/stored_run/stored_run.hpp"
 
-#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string_view>
 
@@ -12,6 +12,7 @@
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "apps/stages/recorded_series.hpp"
+#include "apps/stored_run/stored_shape.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/text_table.hpp"
 
@@ -102,6 +103,12 @@ StoredRun read_stored_run(const std::filesystem::path& folder) {
     run.estimate_orbits = read_file(folder / "estimate_orbits.json", "orbid-cycles/1");
     run.branch = read_file(folder / "branch.json", "orbid-branches/1");
     run.estimate_branch = read_file(folder / "estimate_branch.json", "orbid-branches/1");
+    for (const auto& [name, file] : {std::pair{"cycles.json", &run.cycles}, std::pair{"orbits.json", &run.orbits},
+                                     std::pair{"estimate_orbits.json", &run.estimate_orbits}})
+        if (*file) check_cycle_list(folder / name, **file);
+    for (const auto& [name, file] :
+         {std::pair{"branch.json", &run.branch}, std::pair{"estimate_branch.json", &run.estimate_branch}})
+        if (*file) check_branch_list(folder / name, **file);
     run.invariants = read_file(folder / "invariants.json", "orbid-invariants/1");
     run.timing = read_file(folder / "timing.json", "");
     run.prediction = read_file(folder / "prediction.json", "orbid-prediction/1");
@@ -155,7 +162,10 @@ std::optional<StoredDraws> stored_draws(const StoredRun& run) {
     draws.columns.resize(columns.size());
     std::vector<std::string_view> cells;
     while (table.next(cells)) {
-        draws.chain.push_back(static_cast<int>(table.number(cells[chain], chain)));
+        const double number = table.number(cells[chain], chain);
+        constexpr double most = 1e6;  // far beyond any use: it guards the conversion
+        if (!(std::abs(number) <= most)) table.fail(chain, "must be the number of a chain");
+        draws.chain.push_back(static_cast<int>(number));
         for (std::size_t c = 0; c < columns.size(); ++c)
             draws.columns[c].push_back(number_or_nan(table, cells[columns[c]], columns[c]));
     }
