@@ -4,7 +4,8 @@
     build.py BUILD [--jobs N]
 
 BUILD is the folder of the release build, whose compile commands and static libraries are used. Of the rooms' sources only
-those that read are compiled anew, by the batches of that build. The program is BUILD/fuzz/orbid_fuzz.
+those that read are compiled anew; the linker takes them before those of the libraries. The program is
+BUILD/fuzz/orbid_fuzz.
 """
 
 import argparse
@@ -18,11 +19,17 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 SANITIZERS = ["-fsanitize=fuzzer-no-link,address,undefined", "-fno-sanitize=null,alignment,object-size,vptr,function",
               "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"]
-# What reads texts and files: folders whose batches are instrumented.
-READING = ["models/formulas_batch", "models/equations_batch", "orbits/records_batch", "orbits/records/matlab_file",
-           "apps/documents_batch", "apps/results_batch", "apps/stored_run_batch", "apps/job_batch",
-           "apps/job/reading/job_reader", "apps/job_blocks_batch", "apps/report_plots_batch", "apps/report_batch"]
-TARGETS = ["target", "text_targets", "file_targets", "libfuzzer"]
+# What reads texts and files.
+READING = {
+    "models/formulas": ["expression", "expression_graph", "expression_derivative"],
+    "models/equations": ["equation_reader", "equation_switching", "equation_text", "equations"],
+    "orbits/records": ["csv_file", "data_file", "hdf5_reader", "nearest_name", "record_part", "text_table"],
+    "apps/documents": ["fingerprint", "json_document", "json_reader", "json_value", "printable", "schema_check"],
+    "apps/job/reading": ["job_reader"],
+    "apps/results": ["branch_file", "cycle_reader", "orbit_file"],
+    "apps/stored_run": ["stored_run", "stored_shape"],
+}
+TARGETS = ["target", "record_targets", "document_targets", "libfuzzer"]
 LIBRARIES = ["apps", "identification", "orbits", "periodic", "estimator", "models"]
 LINKED = ["-lfmt", "-ltbb", "-lcrypto", "-lboost_program_options", "-lsqlite3", "-lz", "-ldl", "-lpthread"]
 
@@ -44,21 +51,16 @@ def kept(words):
 
 
 def commands(build, out):
-    entries = {}
+    """Sources with their objects and flags; those of a room are those of any of its batches."""
+    flags = {}
     for entry in json.loads((build / "compile_commands.json").read_text()):
         path = Path(entry["file"])
-        base = build if path.is_relative_to(build) else ROOT
-        entries[str(path.relative_to(base))] = shlex.split(entry["command"])
-    work, flags = [], None
-    for file, words in entries.items():
-        if any(file.startswith(each) for each in READING):
-            source = next(base / file for base in (build, ROOT) if (base / file).exists())
-            work.append((source, out / (file.replace("/", "_") + ".o"), kept(words)))
-        if file.startswith("apps/results_batch"):
-            flags = kept(words)
-    for target in TARGETS:
-        work.append((Path(__file__).with_name(f"{target}.cpp"), out / f"{target}.o", flags))
-    return work
+        room = path.relative_to(build if path.is_relative_to(build) else ROOT).parts[0]
+        if "_batch_" in path.name and room not in flags:
+            flags[room] = kept(shlex.split(entry["command"]))
+    work = [(ROOT / folder / f"{name}.cpp", out / f"{folder}/{name}.o".replace("/", "_"), flags[folder.split("/")[0]])
+            for folder, names in READING.items() for name in names]
+    return work + [(Path(__file__).with_name(f"{name}.cpp"), out / f"{name}.o", flags["apps"]) for name in TARGETS]
 
 
 def compiled(job):
@@ -88,7 +90,7 @@ def main():
         sys.exit("\n".join(failures))
     program = out / "orbid_fuzz"
     libraries = [str(build / room / f"liborbid_{room}.a") for room in LIBRARIES]
-    subprocess.run(["clang++", "-fsanitize=fuzzer,address,undefined", "-o", str(program), *[str(thing) for _, thing, _ in work],
+    subprocess.run(["clang++", "-fsanitize=fuzzer,address,undefined", "-Wl,--allow-multiple-definition", "-o", str(program), *[str(thing) for _, thing, _ in work],
                     "-Wl,--start-group", *libraries, "-Wl,--end-group", *LINKED], check=True)
     print(program)
 

@@ -72,8 +72,7 @@ Base base_of(const fs::path& folder) {
     called({"plot", folder.string()}, &list);
     std::istringstream lines(list);
     for (std::string line; std::getline(lines, line);)
-        if (const std::string name = line.substr(0, line.find(' ')); !name.empty() && name != "plot")
-            base.plots.push_back(name);
+        if (std::string name; std::istringstream(line) >> name && name != "plot") base.plots.push_back(name);
     base.record = content(folder / "predict.txt");
     while (!base.record.empty() && base.record.back() == '\n')
         base.record.pop_back();

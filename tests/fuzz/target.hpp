@@ -1,5 +1,7 @@
 #pragma once
 
+#include <filesystem>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -12,11 +14,16 @@ struct Target {
     void (*take)(std::string_view bytes);
 };
 
-[[nodiscard]] std::vector<Target> text_targets();  ///< jobs, formulas, cycles, orbits, checkpoints
-[[nodiscard]] std::vector<Target> file_targets();  ///< tables, HDF5, stored results
+[[nodiscard]] std::vector<Target> record_targets();    ///< formulas, tables, HDF5
+[[nodiscard]] std::vector<Target> document_targets();  ///< jobs, cycles, orbits, checkpoints, stored folders
 
 /// Both. @throws std::invalid_argument when there is none of this name.
 [[nodiscard]] std::vector<Target> all_targets();
 [[nodiscard]] Target target_named(std::string_view name);
+
+/// A folder of this process, in memory if there is one; it goes with the process.
+[[nodiscard]] const std::filesystem::path& place();
+/// Puts a file into it.
+std::filesystem::path written(const std::string& name, std::string_view bytes);
 
 }  // namespace orbid::fuzz

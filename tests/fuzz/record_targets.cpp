@@ -1,27 +1,17 @@
-#include <stdexcept>
+#include <filesystem>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "apps/documents/json_value.hpp"
-#include "apps/estimation/checkpoint_fields.hpp"
-#include "apps/job/job.hpp"
-#include "apps/job/reading/job_reader.hpp"
-#include "apps/results/branch_file.hpp"
-#include "apps/results/cycle_reader.hpp"
-#include "apps/results/orbit_file.hpp"
 #include "models/equations/equation_text.hpp"
 #include "models/formulas/expression.hpp"
 #include "models/formulas/expression_graph.hpp"
+#include "orbits/records/data_error.hpp"
+#include "orbits/records/series_file.hpp"
 #include "tests/fuzz/target.hpp"
 
 namespace orbid::fuzz {
 
 namespace {
-
-void job(std::string_view bytes) {
-    (void)apps::read_job(bytes, "/nonexistent/job.json");
-}
 
 /// One formula a line: the first is parsed alone and differentiated, all together are a model.
 void formulas(std::string_view bytes) {
@@ -46,47 +36,43 @@ void formulas(std::string_view bytes) {
     std::size_t line = 0;
     for (std::size_t at = 0; at < bytes.size() && line < 4; ++line) {
         const std::size_t end = std::min(bytes.find('\n', at), bytes.size());
-        text.coordinates.push_back({std::string(1, static_cast<char>('w' + line)), std::string(bytes.substr(at, end - at))});
+        text.coordinates.push_back(
+            {std::string(1, static_cast<char>('w' + line)), std::string(bytes.substr(at, end - at))});
         at = end + 1;
     }
     std::vector<models::EquationProblem> problems;
     (void)models::system_from_text(text, problems);
 }
 
-void cycles(std::string_view bytes) {
-    (void)apps::parse_cycles(bytes, "henon", {{"x", "1", false}, {"y", "1", true}});
-}
-
-void orbits(std::string_view bytes) {
-    (void)apps::stored_orbits(bytes);
-    (void)apps::stored_branches(bytes);
-}
-
-/// Behind the checksum, which only tells what a disk lost.
-template <class Value>
-void archived(std::string_view bytes) {
-    try {
-        Value value{};
-        apps::Archive archive(bytes);
-        archive(value);
-    } catch (const apps::DamagedCheckpoint&) {
+void csv(std::string_view bytes) {
+    orbits::TableLayout layout;
+    layout.sampling = orbits::Series::Sampling::samples;
+    layout.time = "t";
+    layout.coordinates = {{{"x", "m", false}, "x", "m", 1.0, 0.0, {}},
+                          {{"phi", "rad", true}, "phi", "deg", -1.0, 0.5, "sd"}};
+    const fs::path file = written("table.csv", bytes);
+    for (const bool segmented : {false, true}) {
+        layout.segment = segmented ? "segment" : "";
+        layout.nan_is_missing = segmented;
+        layout.coordinates[1].sd = segmented ? "sd" : "";
+        try {
+            (void)orbits::read_csv(file, layout);
+        } catch (const orbits::DataError&) {
+        }
     }
 }
 
-void checkpoint(std::string_view bytes) {
-    if (bytes.empty()) return;
-    const auto kind = static_cast<unsigned char>(bytes.front()) % 4;
-    bytes.remove_prefix(1);
-    if (kind == 0) archived<std::vector<std::pair<std::string, std::string>>>(bytes);
-    if (kind == 1) archived<estimator::Estimate>(bytes);
-    if (kind == 2) archived<std::vector<estimator::BlockValue>>(bytes);
-    if (kind == 3) archived<std::vector<orbits::Cycle>>(bytes);
+void hdf5(std::string_view bytes) {
+    try {
+        (void)orbits::read_hdf5(written("series.h5", bytes));
+    } catch (const orbits::DataError&) {
+    }
 }
 
 }  // namespace
 
-std::vector<Target> text_targets() {
-    return {{"job", job}, {"formulas", formulas}, {"cycles", cycles}, {"orbits", orbits}, {"checkpoint", checkpoint}};
+std::vector<Target> record_targets() {
+    return {{"formulas", formulas}, {"csv", csv}, {"hdf5", hdf5}};
 }
 
 }  // namespace orbid::fuzz
