@@ -53,7 +53,7 @@ def check(right, what):
 
 
 def one_folder(folder):
-    file, out = job(folder, "long", 200_000_000), folder / "long"
+    file, out = job(folder, "long", 60_000_000), folder / "long"
     first = start("run", file, "--out", str(out))
     try:
         locked(first, out)
@@ -75,7 +75,7 @@ def one_folder(folder):
 
 
 def killed(folder):
-    file, out = job(folder, "killed", 200_000_000), folder / "killed"
+    file, out = job(folder, "killed", 60_000_000), folder / "killed"
     first = start("run", file, "--out", str(out))
     locked(first, out)
     first.kill()
@@ -98,13 +98,13 @@ def nobody_reads(folder):
 
 
 def hung_up(folder):
-    file, out = job(folder, "hung", 200_000_000), folder / "hung"
+    file, out = job(folder, "hung", 60_000_000), folder / "hung"
     run = start("run", file, "--out", str(out))
     locked(run, out)
     run.send_signal(signal.SIGHUP)
     said = run.communicate(timeout=120)
     check(run.returncode == 130, f"after SIGHUP a run ended with {run.returncode}: {said}")
-    file, out = job(folder, "nohup", 4_000_000), folder / "nohup"
+    file, out = job(folder, "nohup", 1_000_000), folder / "nohup"
     run = start("run", file, "--out", str(out), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
     locked(run, out)
     run.send_signal(signal.SIGHUP)
