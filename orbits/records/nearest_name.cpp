@@ -38,8 +38,9 @@ std::optional<std::string> nearest_name(std::string_view name, const std::vector
     constexpr std::size_t longest = 200;
     if (name.size() > longest) return nearest;
     for (const std::string& candidate : known) {
-        const auto [shorter, longer] = std::minmax(name.size(), candidate.size());
-        if (longer - shorter >= best) continue;  // as many changes at least
+        const std::size_t difference =
+            std::max(name.size(), candidate.size()) - std::min(name.size(), candidate.size());
+        if (difference >= best) continue;  // as many changes at least
         const std::size_t distance = changes(name, candidate);
         // A name of which not one letter fits is no misspelling.
         if (distance < best && distance < std::max(name.size(), candidate.size())) {

@@ -13,6 +13,8 @@ namespace orbid::fuzz {
 
 namespace {
 
+namespace fs = std::filesystem;
+
 /// One formula a line: the first is parsed alone and differentiated, all together are a model.
 void formulas(std::string_view bytes) {
     using models::ExpressionGraph;

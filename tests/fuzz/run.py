@@ -22,10 +22,10 @@ def tried(fuzzer, target, seconds):
     found = fuzzer.parent / "found" / target
     found.mkdir(parents=True, exist_ok=True)
     command = [str(fuzzer), str(found), str(CORPUS / target), f"-max_total_time={seconds}", "-timeout=20",
-               "-rss_limit_mb=2500", "-malloc_limit_mb=1000", f"-max_len={LONGEST.get(target, 5000)}",
+               "-rss_limit_mb=2500", f"-max_len={LONGEST.get(target, 5000)}",
                "-print_final_stats=1", f"-artifact_prefix={found.parent}/{target}-"]
     environment = {**os.environ, "ORBID_FUZZ_TARGET": target, "ORBID_CXX": "",
-                   "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=0:detect_odr_violation=0"}
+                   "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:detect_odr_violation=0"}
     run = subprocess.run(command, env=environment, capture_output=True, text=True, errors="replace")
     executions = re.search(r"stat::number_of_executed_units:\s*(\d+)", run.stderr)
     rate = re.search(r"stat::average_exec_per_sec:\s*(\d+)", run.stderr)
