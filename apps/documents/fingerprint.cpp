@@ -12,6 +12,7 @@
 #include <openssl/evp.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/documents/atomic_file.hpp"
 #include "apps/documents/json_value.hpp"
 
 namespace orbid::apps {
@@ -77,8 +78,7 @@ std::string sha256_of_file(const std::filesystem::path& path) {
         digest.add(std::string_view(buffer).substr(0, static_cast<std::size_t>(file.gcount())));
     }
     if (!file.eof() || file.bad())
-        throw std::runtime_error(
-            fmt::format("cannot read {}: {}", path.string(), std::generic_category().message(errno)));
+        throw FileUnreadable(fmt::format("cannot read {}: {}", path.string(), std::generic_category().message(errno)));
     return digest.hexadecimal();
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 #include <ostream>
 
 #include <fmt/format.h>
@@ -134,6 +135,10 @@ int run_command(const std::vector<std::string>& arguments, const Console& raw) {
     } catch (const CommandLineError& error) {
         write_unfiltered(console.error, error_text(error.what(), is_coloured("auto", console.error_terminal)) + '\n');
         return wrong_call;
+    } catch (const std::filesystem::filesystem_error& error) {
+        // A path that the system refuses: too long, in a folder that may not be searched, links in a circle.
+        console.error << fmt::format("{}: {}\n", error.path1().string(), error.code().message());
+        return unusable_data;
     } catch (const FileUnreadable& error) {
         write_unfiltered(console.error, error_text(error.what(), is_coloured("auto", console.error_terminal)) + '\n');
         return unusable_data;

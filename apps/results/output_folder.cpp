@@ -81,8 +81,17 @@ void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::
         throw FolderRefused(fmt::format("cannot store results in {}: it is not writable", folder.string()));
 }
 
+namespace {
+
+bool is_there(const std::filesystem::path& path) {
+    std::error_code unknown;
+    return std::filesystem::exists(path, unknown);
+}
+
+}  // namespace
+
 OutputFolder::OutputFolder(std::filesystem::path folder, const nlohmann::json& job, std::string job_text, bool force)
-    : folder_(std::move(folder)), job_text_(std::move(job_text)), created_(!std::filesystem::exists(folder_)) {
+    : folder_(std::move(folder)), job_text_(std::move(job_text)), created_(!is_there(folder_)) {
     lock(job, force);
     // Another run may have ended in between.
     if (!force) refuse_other_job(folder_, job);
