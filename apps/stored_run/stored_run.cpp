@@ -30,8 +30,11 @@ std::optional<Json> read_file(const std::filesystem::path& file, std::string_vie
     try {
         json = json_value<Json>(text);
     } catch (const JsonRefused& error) {
+        const std::string_view said = error.what();  // "3:13: rule"
+        const std::size_t place = said.find(": ");
         throw orbits::DataError(
-            fmt::format("{}:{}; the file was changed or cut off after it was stored", file.string(), error.what()));
+            fmt::format("{}:{}: is not JSON that is stored here ({}); the file was changed or cut off after that",
+                        file.string(), said.substr(0, place), said.substr(place + 2)));
     }
     if (!json.is_object())
         throw orbits::DataError(fmt::format("{}:1:1: must be an object, is {}", file.string(), json.type_name()));
