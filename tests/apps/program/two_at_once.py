@@ -18,7 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 
-PROGRAM = sys.argv[1]
+PROGRAM = str(Path(sys.argv[1]).resolve())
 HENON = {"name": "henon", "parameters": {"a": 1.4, "b": 0.3}}
 LOCK = ".orbid-lock"
 
