@@ -11,6 +11,9 @@ namespace orbid::apps {
 
 namespace {
 
+// Where the library takes a comment that begins with // to end.
+constexpr std::string_view ends_of_comment("\n\r\0", 3);
+
 constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
 
 /// Builds the tree. nlohmann's SAX events carry no positions, but they come in the order of the tokens, each already
@@ -178,6 +181,7 @@ private:
     Place next_token() {
         skip_to_token();
         const Place place{line_, cursor_ - line_start_ + 1};
+        if (cursor_ >= text_.size()) return place;
         const char first = text_[cursor_];
         if (first == '"') {
             ++cursor_;
@@ -186,7 +190,7 @@ private:
                 escaped_ = escaped_ || text_[cursor_] == '\\';
                 cursor_ += text_[cursor_] == '\\' ? 2 : 1;
             }
-            ++cursor_;
+            cursor_ = std::min(cursor_ + 1, text_.size());
         } else if (first == '{' || first == '}' || first == '[' || first == ']') {
             ++cursor_;
         } else {
@@ -202,10 +206,13 @@ private:
             const char c = text_[cursor_];
             if (c == '/' && cursor_ + 1 < text_.size()) {
                 const bool line_comment = text_[cursor_ + 1] == '/';
-                const std::size_t end = text_.find(line_comment ? "\n" : "*/", cursor_ + 2);
-                const std::size_t stop = std::min(line_comment ? end : end + 2, text_.size());
+                const std::size_t end =
+                    line_comment ? text_.find_first_of(ends_of_comment, cursor_ + 2) : text_.find("*/", cursor_ + 2);
+                const std::size_t stop = end == std::string_view::npos ? text_.size() : (line_comment ? end : end + 2);
                 for (; cursor_ < stop; ++cursor_)
                     count_line();
+            } else if (c == '\0' && cursor_ > 0) {
+                ++cursor_;  // as the end of a comment; anywhere else the library has refused it
             } else if (c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == ',' || c == ':') {
                 count_line();
                 ++cursor_;
@@ -288,7 +295,7 @@ bool is_nested_too_deep(std::string_view text) {
             inside = true;
         } else if (c == '/' && i + 1 < text.size() && (text[i + 1] == '/' || text[i + 1] == '*')) {
             const bool line = text[i + 1] == '/';
-            const std::size_t end = text.find(line ? "\n" : "*/", i + 2);
+            const std::size_t end = line ? text.find_first_of(ends_of_comment, i + 2) : text.find("*/", i + 2);
             if (end == std::string_view::npos) return false;
             i = line ? end : end + 1;
         } else if (c == '{' || c == '[') {

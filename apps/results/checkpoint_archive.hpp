@@ -140,7 +140,9 @@ private:
             // A vector of no rows takes no bytes, whatever its columns.
             const std::uint64_t most = left_.size() / sizeof(double);
             constexpr std::uint64_t longest = std::uint64_t{1} << 40;
-            if ((columns > 0 && rows > most / columns) || rows > longest || columns > longest)
+            const bool fixed = (Rows == Eigen::Dynamic || rows == static_cast<std::uint64_t>(Rows)) &&
+                               (Columns == Eigen::Dynamic || columns == static_cast<std::uint64_t>(Columns));
+            if (!fixed || (columns > 0 && rows > most / columns) || rows > longest || columns > longest)
                 throw DamagedCheckpoint("a checkpoint holds a wrong size");
             matrix.resize(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns));
         }

@@ -81,6 +81,18 @@ TEST_CASE("of many keys the one that comes twice is found", "[apps][json]") {
     CHECK(document.problems[1].rule == "duplicate key, first given in line 4, column 1");
 }
 
+TEST_CASE("a comment ends with its line, however that ends", "[apps][json]") {
+    using std::string_literals::operator""s;
+    for (const std::string& text :
+         {"// a\n{\"k\": 1}"s, "// a\r{\"k\": 1}"s, "// a\r\n{\"k\": 1}"s, "// a\0{\"k\": 1}"s}) {
+        const auto document = parse_json(text);
+        REQUIRE(document.root);
+        REQUIRE(document.root->members.size() == 1);
+        CHECK(document.root->members[0].key == "k");
+    }
+    CHECK_FALSE(parse_json("///{/{pl\0"s + "5pl5").root);
+}
+
 TEST_CASE("nesting is counted outside of strings and comments", "[apps][json]") {
     const std::string deep(deepest_json, '[');
     CHECK_FALSE(is_nested_too_deep(deep));
