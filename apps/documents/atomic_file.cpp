@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -123,6 +124,11 @@ void write_atomically(const std::filesystem::path& path,
                       const std::function<void(const std::filesystem::path& temporary)>& writer,
                       const std::function<bool()>& interrupted) {
     Temporary temporary(path);
+    {
+        // HDF5 and streams would follow a link that somebody put there.
+        const Descriptor made(::open(temporary.path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+        if (made.value() < 0) fail("write", path, errno);
+    }
     writer(temporary.path());
     {
         const Descriptor file(::open(temporary.path().c_str(), O_RDONLY | O_CLOEXEC));
@@ -158,9 +164,30 @@ void remove_leftover_temporaries(const std::filesystem::path& folder) {
     }
 }
 
-std::string read_whole_file(const std::filesystem::path& path) {
-    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-    if (file.value() < 0) fail("read", path, errno);
+namespace {
+
+[[noreturn]] void unreadable(const std::filesystem::path& path, std::string_view why) {
+    throw FileUnreadable(fmt::format("cannot read {}: {}", path.string(), why));
+}
+
+/// Not waiting for somebody to write into a pipe.
+Descriptor opened(const std::filesystem::path& path, bool pipes) {
+    const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | (pipes ? 0 : O_NONBLOCK));
+    if (descriptor < 0) unreadable(path, std::generic_category().message(errno));
+    return Descriptor(descriptor);
+}
+
+}  // namespace
+
+std::string read_whole_file(const std::filesystem::path& path, std::uintmax_t most, bool pipes) {
+    const Descriptor file = opened(path, pipes);
+    struct stat status {};
+    if (::fstat(file.value(), &status) != 0) unreadable(path, std::generic_category().message(errno));
+    if (S_ISDIR(status.st_mode)) unreadable(path, std::generic_category().message(EISDIR));
+    if (!S_ISREG(status.st_mode) && !(pipes && S_ISFIFO(status.st_mode)))
+        unreadable(path, "it is a device or a pipe, not a file");
+    const auto too_large = [&] { unreadable(path, fmt::format("it has more than {} bytes", most)); };
+    if (static_cast<std::uintmax_t>(status.st_size) > most) too_large();
     std::string bytes;
     std::string buffer(std::size_t{1} << 16, '\0');  // large enough that system calls do not matter
     while (true) {
@@ -168,9 +195,10 @@ std::string read_whole_file(const std::filesystem::path& path) {
         if (got == 0) return bytes;
         if (got < 0) {
             if (errno == EINTR) continue;
-            fail("read", path, errno);
+            unreadable(path, std::generic_category().message(errno));
         }
         bytes.append(buffer.data(), static_cast<std::size_t>(got));
+        if (bytes.size() > most) too_large();
     }
 }
 

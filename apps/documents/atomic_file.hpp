@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 
@@ -28,8 +30,20 @@ void write_atomically(const std::filesystem::path& path,
 /// than a day (another process may have that number by then). A folder that cannot be read is ignored.
 void remove_leftover_temporaries(const std::filesystem::path& folder);
 
+/// A file cannot be read; what() names path and reason.
+class FileUnreadable : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// Largest file that is read as a document: of jobs and campaigns, and of anything else.
+inline constexpr std::uintmax_t largest_job_file = std::uintmax_t{64} << 20;
+inline constexpr std::uintmax_t largest_document = std::uintmax_t{1} << 30;
+
 /// The whole file as bytes.
-/// @throws std::runtime_error naming path and reason.
-[[nodiscard]] std::string read_whole_file(const std::filesystem::path& path);
+/// @param pipes  whether it may be a pipe, which is read to its end: /dev/stdin. Else a pipe, on which a program may
+///               wait for ever, is refused. Devices always are.
+/// @throws FileUnreadable naming path and reason, also for more than `most` bytes.
+[[nodiscard]] std::string read_whole_file(const std::filesystem::path& path, std::uintmax_t most = largest_document,
+                                          bool pipes = false);
 
 }  // namespace orbid::apps

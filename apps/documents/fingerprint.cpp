@@ -12,6 +12,9 @@
 #include <openssl/evp.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/documents/atomic_file.hpp"
+#include "apps/documents/json_value.hpp"
+
 namespace orbid::apps {
 namespace {
 
@@ -75,8 +78,7 @@ std::string sha256_of_file(const std::filesystem::path& path) {
         digest.add(std::string_view(buffer).substr(0, static_cast<std::size_t>(file.gcount())));
     }
     if (!file.eof() || file.bad())
-        throw std::runtime_error(
-            fmt::format("cannot read {}: {}", path.string(), std::generic_category().message(errno)));
+        throw FileUnreadable(fmt::format("cannot read {}: {}", path.string(), std::generic_category().message(errno)));
     return digest.hexadecimal();
 }
 
@@ -122,7 +124,7 @@ std::string to_text(const Fingerprint& value) {
 }
 
 std::optional<Fingerprint> fingerprint_from_text(std::string_view text) {
-    const auto json = nlohmann::json::parse(text, nullptr, false);
+    const auto json = json_value_or_discarded(text);
     if (!json.is_object() || !json.contains("sha256") || !json["sha256"].is_string() || !json.contains("keys") ||
         !json["keys"].is_array()) {
         return std::nullopt;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <unordered_map>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -10,8 +11,8 @@ namespace orbid::apps {
 
 namespace {
 
-// A job needs about 8 levels; the limit keeps the destructor of the tree from exhausting the stack.
-constexpr std::size_t deepest_level = 64;
+// Where the library takes a comment that begins with // to end.
+constexpr std::string_view ends_of_comment("\n\r\0", 3);
 
 constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
 
@@ -82,6 +83,7 @@ private:
         JsonValue value;
         value.kind = kind;
         value.place = next_token();
+        if (is_one_too_many(value.place)) return false;
         fill(value);
         add(std::move(value));
         return true;
@@ -93,11 +95,18 @@ private:
         level.value.place = next_token();
         level.key = key_;
         level.key_place = key_place_;
-        if (levels_.size() >= deepest_level) {
-            fail(level.value.place, fmt::format("nested deeper than {} levels", deepest_level));
+        if (levels_.size() >= deepest_json) {
+            fail(level.value.place, fmt::format("nested deeper than {} levels", deepest_json));
             return false;
         }
+        if (is_one_too_many(level.value.place)) return false;
         levels_.push_back(std::move(level));
+        return true;
+    }
+
+    bool is_one_too_many(Place place) {
+        if (++count_ <= most_json_values) return false;
+        fail(place, fmt::format("more than {} values", most_json_values));
         return true;
     }
 
@@ -121,15 +130,35 @@ private:
             parent.items.push_back(std::move(value));
             return;
         }
-        const auto same = std::find_if(parent.members.begin(), parent.members.end(),
-                                       [&](const JsonMember& member) { return member.key == key_; });
-        if (same != parent.members.end()) {
+        if (const JsonMember* same = member_of(levels_.back(), key_)) {
             document_.problems.push_back({key_place_, child_pointer(pointer(), key_),
                                           fmt::format("duplicate key, first given in line {}, column {}",
                                                       same->place.line, same->place.column)});
             return;
         }
         parent.members.push_back({key_, key_place_, std::move(value)});
+    }
+
+    struct Level {
+        JsonValue value;
+        std::string key;
+        Place key_place;
+        std::unordered_map<std::string, std::size_t> index;  ///< of members by key, where there are many
+    };
+
+    /// The member of this key; null when there is none yet.
+    static const JsonMember* member_of(Level& level, const std::string& key) {
+        constexpr std::size_t few = 32;  // a search from the first to the last is as fast
+        const auto& members = level.value.members;
+        if (members.size() < few) {
+            const auto same =
+                std::find_if(members.begin(), members.end(), [&](const JsonMember& one) { return one.key == key; });
+            return same == members.end() ? nullptr : &*same;
+        }
+        for (std::size_t i = level.index.size(); i < members.size(); ++i)
+            level.index.emplace(members[i].key, i);
+        const auto found = level.index.find(key);
+        return found == level.index.end() ? nullptr : &members[found->second];
     }
 
     /// Pointer of the innermost open level.
@@ -152,6 +181,7 @@ private:
     Place next_token() {
         skip_to_token();
         const Place place{line_, cursor_ - line_start_ + 1};
+        if (cursor_ >= text_.size()) return place;
         const char first = text_[cursor_];
         if (first == '"') {
             ++cursor_;
@@ -160,7 +190,7 @@ private:
                 escaped_ = escaped_ || text_[cursor_] == '\\';
                 cursor_ += text_[cursor_] == '\\' ? 2 : 1;
             }
-            ++cursor_;
+            cursor_ = std::min(cursor_ + 1, text_.size());
         } else if (first == '{' || first == '}' || first == '[' || first == ']') {
             ++cursor_;
         } else {
@@ -176,10 +206,13 @@ private:
             const char c = text_[cursor_];
             if (c == '/' && cursor_ + 1 < text_.size()) {
                 const bool line_comment = text_[cursor_ + 1] == '/';
-                const std::size_t end = text_.find(line_comment ? "\n" : "*/", cursor_ + 2);
-                const std::size_t stop = std::min(line_comment ? end : end + 2, text_.size());
+                const std::size_t end =
+                    line_comment ? text_.find_first_of(ends_of_comment, cursor_ + 2) : text_.find("*/", cursor_ + 2);
+                const std::size_t stop = end == std::string_view::npos ? text_.size() : (line_comment ? end : end + 2);
                 for (; cursor_ < stop; ++cursor_)
                     count_line();
+            } else if (c == '\0' && cursor_ > 0) {
+                ++cursor_;  // as the end of a comment; anywhere else the library has refused it
             } else if (c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == ',' || c == ':') {
                 count_line();
                 ++cursor_;
@@ -203,18 +236,13 @@ private:
         return {lines + 1, last == std::string_view::npos ? offset + 1 : offset - last};
     }
 
-    struct Level {
-        JsonValue value;
-        std::string key;
-        Place key_place;
-    };
-
     std::string_view text_;
     JsonDocument& document_;
     std::size_t cursor_ = 0;
     std::size_t line_ = 1;
     std::size_t line_start_ = 0;
-    bool escaped_ = false;  ///< the last text token
+    std::size_t count_ = 0;  ///< values
+    bool escaped_ = false;   ///< the last text token
     std::string key_;
     Place key_place_;
     std::vector<Level> levels_;
@@ -229,10 +257,15 @@ std::string_view description(JsonValue::Kind kind) {
 }
 
 std::string message(const Problem& problem, std::string_view file) {
+    const auto shown = [](std::string_view text, std::size_t longest) {
+        return text.size() <= longest ? std::string(text) : fmt::format("{}...", text.substr(0, longest));
+    };
+    constexpr std::size_t longest_pointer = 300, longest_rule = 4000;
     // What is wrong with the file as a whole has no place in it.
-    if (problem.place.line == 0) return fmt::format("{}: {}", file, problem.rule);
-    return fmt::format("{}:{}:{}: {}{}{}", file, problem.place.line, problem.place.column, problem.pointer,
-                       problem.pointer.empty() ? "" : ": ", problem.rule);
+    if (problem.place.line == 0) return fmt::format("{}: {}", file, shown(problem.rule, longest_rule));
+    return fmt::format("{}:{}:{}: {}{}{}", file, problem.place.line, problem.place.column,
+                       shown(problem.pointer, longest_pointer), problem.pointer.empty() ? "" : ": ",
+                       shown(problem.rule, longest_rule));
 }
 
 std::string child_pointer(std::string_view pointer, std::string_view key) {
@@ -248,6 +281,30 @@ std::string child_pointer(std::string_view pointer, std::string_view key) {
         }
     }
     return result;
+}
+
+bool is_nested_too_deep(std::string_view text) {
+    std::size_t depth = 0;
+    bool inside = false;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const char c = text[i];
+        if (inside) {
+            if (c == '\\') ++i;
+            inside = c != '"';
+        } else if (c == '"') {
+            inside = true;
+        } else if (c == '/' && i + 1 < text.size() && (text[i + 1] == '/' || text[i + 1] == '*')) {
+            const bool line = text[i + 1] == '/';
+            const std::size_t end = line ? text.find_first_of(ends_of_comment, i + 2) : text.find("*/", i + 2);
+            if (end == std::string_view::npos) return false;
+            i = line ? end : end + 1;
+        } else if (c == '{' || c == '[') {
+            if (++depth > deepest_json) return true;
+        } else if ((c == '}' || c == ']') && depth > 0) {
+            --depth;
+        }
+    }
+    return false;
 }
 
 JsonDocument parse_json(std::string_view text) {

@@ -14,6 +14,15 @@ struct Place {
     std::size_t column = 1;
 };
 
+/// A job needs about 8 levels; the limit keeps what follows a tree downwards from exhausting the stack.
+inline constexpr std::size_t deepest_json = 64;
+
+/// A value of JSON takes some 130 bytes here: the limit keeps a hostile text below 1 GB of memory.
+inline constexpr std::size_t most_json_values = 4'000'000;
+
+/// Longest text of a described value, as long as a formula may be.
+inline constexpr std::size_t longest_json_text = 20'000;
+
 struct JsonMember;
 
 /// A JSON value with its place in the file.
@@ -52,7 +61,8 @@ struct Problem {
     Kind kind = Kind::job;
 };
 
-/// "job.json:12:5: /estimate/parametres: unknown key; did you mean "parameters"?"
+/// "job.json:12:5: /estimate/parametres: unknown key; did you mean "parameters"?" Pointer and rule are cut where names
+/// of a hostile document make them too long to be read.
 [[nodiscard]] std::string message(const Problem& problem, std::string_view file);
 
 /// The pointer of a member or item below `pointer`, with ~ and / in keys escaped.
@@ -66,7 +76,11 @@ struct JsonDocument {
 /// Reads JSON with // and /* */ comments. Never throws for invalid text.
 ///
 /// Refused: syntax errors (with what was expected), duplicate keys (with both lines; the first one is kept), numbers
-/// beyond the range of double, text that is not UTF-8, an empty file, more than 64 levels of nesting.
+/// beyond the range of double, text that is not UTF-8, an empty file, more than `deepest_json` levels of nesting, more
+/// than `most_json_values` values.
 [[nodiscard]] JsonDocument parse_json(std::string_view text);
+
+/// Whether brackets of a text, outside of strings, are nested deeper than `deepest_json`. Whatever the text is.
+[[nodiscard]] bool is_nested_too_deep(std::string_view text);
 
 }  // namespace orbid::apps

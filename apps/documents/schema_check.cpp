@@ -74,6 +74,9 @@ private:
             return refuse(at, pointer,
                           fmt::format("unknown value {}{}", shown_value(at), suggestion(at.text, form.choices)));
         }
+        if (at.text.size() > longest_json_text)
+            return refuse(at, pointer,
+                          fmt::format("has {} characters, at most {} are read", at.text.size(), longest_json_text));
         if (form.accepts == nullptr || form.accepts(at.text)) return true;
         return refuse(at, pointer, fmt::format("must be {}, not {}", form.rule, shown_value(at)));
     }

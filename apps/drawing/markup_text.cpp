@@ -1,11 +1,13 @@
 #include "apps/drawing/markup_text.hpp"
 
+#include "apps/documents/printable.hpp"
+
 namespace orbid::apps {
 
 std::string markup_text(std::string_view text) {
     std::string out;
     out.reserve(text.size());
-    for (const char c : text) {
+    for (const char c : visible(text)) {
         switch (c) {
             case '&':
                 out += "&amp;";
@@ -23,7 +25,7 @@ std::string markup_text(std::string_view text) {
                 out += "&#39;";
                 break;
             default:
-                if (static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t') out += c;
+                out += c;
         }
     }
     return out;

@@ -10,13 +10,14 @@
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/orbits_job.hpp"
 #include "orbits/records/data_error.hpp"
+#include "orbits/records/data_file.hpp"
 
 namespace orbid::apps {
 
 namespace {
 
 std::string checksum(const std::filesystem::path& path) {
-    if (!std::filesystem::exists(path)) throw orbits::DataError(fmt::format("{}: no such file", path.string()));
+    (void)orbits::require_data_file(path);
     return sha256_of_file(path);
 }
 

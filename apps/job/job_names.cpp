@@ -143,9 +143,11 @@ std::optional<Eigen::MatrixXd> read_matrix(const ValueReader& value, Eigen::Inde
 bool is_name(const std::string& name, const ValueReader& at) {
     const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
     const auto digit = [](char c) { return c >= '0' && c <= '9'; };
-    const bool good = !name.empty() && letter(name.front()) &&
+    const bool good = !name.empty() && name.size() <= 100 && letter(name.front()) &&
                       std::all_of(name.begin(), name.end(), [&](char c) { return letter(c) || digit(c); });
-    if (!good) at.report(fmt::format("\"{}\" is no name: letters, digits and _, no digit first", name));
+    if (!good)
+        at.report(fmt::format("\"{}{}\" is no name: letters, digits and _, no digit first, at most 100 characters",
+                              name.substr(0, 100), name.size() > 100 ? "..." : ""));
     return good;
 }
 
@@ -154,9 +156,15 @@ std::optional<std::filesystem::path> read_path(const ValueReader& value, const J
     if (!text) return std::nullopt;
     // Relative to the job file; an absolute path replaces the folder.
     const auto path = (job.source.parent_path() / *text).lexically_normal();
-    if (!std::filesystem::exists(path)) {
+    std::error_code error;
+    const auto status = std::filesystem::status(path, error);
+    if (status.type() == std::filesystem::file_type::not_found) {
         value.report_data(fmt::format("the file \"{}\" does not exist", path.string()));
-    } else if (!std::filesystem::is_regular_file(path)) {
+    } else if (status.type() == std::filesystem::file_type::none) {
+        const std::string shown = path.string();
+        value.report_data(fmt::format("the file \"{}{}\" cannot be reached: {}", shown.substr(0, 200),
+                                      shown.size() > 200 ? "..." : "", error.message()));
+    } else if (!std::filesystem::is_regular_file(status)) {
         value.report_data(fmt::format("\"{}\" is no file", path.string()));
     }
     return path;

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/printable.hpp"
 #include "estimator/estimate/estimate.hpp"
 
 namespace orbid::apps {
@@ -34,13 +35,15 @@ bool is_coloured(std::string_view choice, std::FILE* stream) {
            ::isatty(::fileno(stream)) == 1;
 }
 
-std::string error_text(const std::string& message, bool coloured) {
+std::string error_text(const std::string& raw, bool coloured) {
+    const std::string message = printable(raw);
     const auto end = message.find(": ");
     if (!coloured || end == std::string::npos) return message;
     return fmt::format("{}{}{}{}", red, message.substr(0, end + 1), reset, message.substr(end + 1));
 }
 
-std::string with_status_colours(const std::string& summary, bool coloured) {
+std::string with_status_colours(const std::string& raw, bool coloured) {
+    const std::string summary = printable(raw);
     if (!coloured) return summary;
     using Status = estimator::EstimateStatus;
     std::string text;

@@ -15,9 +15,11 @@ namespace orbid::apps {
 [[nodiscard]] bool is_coloured(std::string_view choice, std::FILE* stream);
 
 /// A message with its first part, up to ": " (a place, the program), in red; the same text where `coloured` is false.
-[[nodiscard]] std::string error_text(const std::string& message, bool coloured);
+/// The message is made printable(); what comes is written by write_unfiltered().
+[[nodiscard]] std::string error_text(const std::string& raw, bool coloured);
 
 /// A summary with the statuses at the beginning of lines ("converged: ...") in green, or in red if not converged.
-[[nodiscard]] std::string with_status_colours(const std::string& summary, bool coloured);
+/// Made printable() and written as above.
+[[nodiscard]] std::string with_status_colours(const std::string& raw, bool coloured);
 
 }  // namespace orbid::apps

@@ -19,6 +19,7 @@
 #include "apps/campaign/tables/campaign_table.hpp"
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/compression.hpp"
+#include "apps/documents/printable.hpp"
 #include "apps/program/campaign_progress.hpp"
 #include "apps/program/campaign_work.hpp"
 #include "apps/program/colour.hpp"
@@ -72,7 +73,7 @@ template <class Work>
 int refusing(const CommandCall& call, const Work& work) {
     const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
     const auto refuse = [&](const std::string& text, int code) {
-        call.console.error << error_text(text, coloured) << '\n';
+        write_unfiltered(call.console.error, error_text(text, coloured) + '\n');
         return code;
     };
     return refusals_told([&](const std::string& text) { refuse(text, wrong_call); }, [&] { return work(refuse); });
@@ -84,7 +85,7 @@ int run_file(const CommandCall& call, estimator::Ranks* given) {
         if (!std::filesystem::exists(file))
             return refuse(file.string() + ": the campaign file does not exist", wrong_call);
         if (!std::filesystem::is_regular_file(file)) return refuse(file.string() + ": is no file", wrong_call);
-        const CampaignReading reading = read_campaign(read_whole_file(file), file);
+        const CampaignReading reading = read_campaign(read_whole_file(file, largest_job_file), file);
         int code = success;
         for (const Problem& problem : reading.problems)
             code = refuse(message(problem, file.string()), reading.exit_code());

@@ -102,7 +102,8 @@ const std::vector<EnvironmentVariable>& environment_variables() {
 }
 
 std::string signals_text() {
-    return "Ctrl-C (SIGINT) or SIGTERM stops a run and stores what there is by then; a second one ends it at once. "
+    return "Ctrl-C (SIGINT), SIGTERM or SIGHUP stops a run and stores what there is by then; a second one ends it at "
+           "once. "
            "The same command goes on from the last finished stage, also after a kill.";
 }
 

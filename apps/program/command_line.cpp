@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 #include <ostream>
 
 #include <fmt/format.h>
 #include <boost/program_options.hpp>
 
+#include "apps/documents/atomic_file.hpp"
 #include "apps/documents/json_reader.hpp"
+#include "apps/documents/printable.hpp"
 #include "apps/job/version.hpp"
 #include "apps/program/colour.hpp"
 #include "apps/program/command_help.hpp"
@@ -123,12 +126,22 @@ int CommandCall::whole_number(const std::string& option, int without, int lowest
     return number;
 }
 
-int run_command(const std::vector<std::string>& arguments, const Console& console) {
+int run_command(const std::vector<std::string>& arguments, const Console& raw) {
+    PrintableStream out(raw.out);
+    PrintableStream errors(raw.error);
+    const Console console{out, errors, raw.out_terminal, raw.error_terminal, raw.signals, raw.own_process, raw.stopped};
     try {
         return run_known(arguments, console);
     } catch (const CommandLineError& error) {
-        console.error << error_text(error.what(), is_coloured("auto", console.error_terminal)) << '\n';
+        write_unfiltered(console.error, error_text(error.what(), is_coloured("auto", console.error_terminal)) + '\n');
         return wrong_call;
+    } catch (const std::filesystem::filesystem_error& error) {
+        // A path that the system refuses: too long, in a folder that may not be searched, links in a circle.
+        console.error << fmt::format("{}: {}\n", error.path1().string(), error.code().message());
+        return unusable_data;
+    } catch (const FileUnreadable& error) {
+        write_unfiltered(console.error, error_text(error.what(), is_coloured("auto", console.error_terminal)) + '\n');
+        return unusable_data;
     }
 }
 

@@ -11,6 +11,7 @@
 
 #include "apps/campaign/plan/campaign_file.hpp"
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/printable.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/check/data_check.hpp"
 #include "apps/program/check/flow_check.hpp"
@@ -23,15 +24,27 @@ namespace orbid::apps {
 
 namespace {
 
+bool holds_campaign(const std::filesystem::path& file) {
+    if (!std::filesystem::is_regular_file(file)) return false;
+    try {
+        return is_campaign(read_whole_file(file, largest_job_file));
+    } catch (const FileUnreadable&) {
+        return false;  // told where the job is read
+    }
+}
+
 /// The job, or its problems on standard error.
 JobReading read_and_report(const CommandCall& call) {
     const std::string& file = call.words[0];
     const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
     JobReading reading = read_job_file(file);
-    if (!reading.job && std::filesystem::is_regular_file(file) && is_campaign(read_whole_file(file)))
+    if (!reading.job && holds_campaign(file))
         reading.problems = {{{0, 0}, "", fmt::format("is a campaign: orbid campaign {}", file), Problem::Kind::job}};
-    for (const Problem& problem : reading.problems)
-        call.console.error << error_text(message(problem, file), coloured) << '\n';
+    constexpr std::size_t most_told = 200;
+    for (std::size_t i = 0; i < std::min(reading.problems.size(), most_told); ++i)
+        write_unfiltered(call.console.error, error_text(message(reading.problems[i], file), coloured) + '\n');
+    if (reading.problems.size() > most_told)
+        call.console.error << fmt::format("{}: and {} more\n", file, reading.problems.size() - most_told);
     return reading;
 }
 
@@ -77,11 +90,10 @@ int run_estimation(const CommandCall& call) {
 
 int check_job(const CommandCall& call) {
     const bool coloured = is_coloured(call.value("color", "auto"), call.console.error_terminal);
-    if (const std::filesystem::path file = call.words[0];
-        std::filesystem::is_regular_file(file) && is_campaign(read_whole_file(file))) {
-        const CampaignReading reading = read_campaign(read_whole_file(file), file);
+    if (const std::filesystem::path file = call.words[0]; holds_campaign(file)) {
+        const CampaignReading reading = read_campaign(read_whole_file(file, largest_job_file), file);
         for (const Problem& problem : reading.problems)
-            call.console.error << error_text(message(problem, file.string()), coloured) << '\n';
+            write_unfiltered(call.console.error, error_text(message(problem, file.string()), coloured) + '\n');
         if (reading.campaign) call.console.out << campaign_summary(*reading.campaign);
         return reading.exit_code();
     }
@@ -93,7 +105,7 @@ int check_job(const CommandCall& call) {
     for (const std::string& remark : data.remarks)
         call.console.out << "  note       " << remark << '\n';
     for (const std::string& problem : data.problems)
-        call.console.error << error_text(problem, coloured) << '\n';
+        write_unfiltered(call.console.error, error_text(problem, coloured) + '\n');
     if (!data.problems.empty()) return unusable_data;
     const int asked = call.whole_number("threads", 0, 0);
     const int threads = asked > 0 ? asked : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
@@ -102,8 +114,9 @@ int check_job(const CommandCall& call) {
     try {
         call.console.out << '\n' << flow_table(job, check_flows(job));
     } catch (const std::invalid_argument& error) {
-        call.console.error << error_text(fmt::format("--flow: there is nothing to compare: {}", error.what()), coloured)
-                           << '\n';
+        write_unfiltered(
+            call.console.error,
+            error_text(fmt::format("--flow: there is nothing to compare: {}", error.what()), coloured) + '\n');
         return wrong_call;
     }
     return 0;

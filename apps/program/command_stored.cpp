@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/printable.hpp"
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/periodic_job.hpp"
@@ -49,12 +50,33 @@ double number_of(const CommandCall& call, const std::string& option, double with
     return number;
 }
 
+/// The folder that a prediction is stored in: that of the option, or one in the folder of the run. That may come from
+/// somebody else: a link in it would lead out of it.
+std::filesystem::path prediction_folder(const CommandCall& call, const StoredRun& run,
+                                        const std::filesystem::path& data) {
+    const auto own = run.folder / ("predict_" + data.stem().string());
+    if (!call.has("out") && std::filesystem::is_symlink(own))
+        throw FolderRefused(
+            fmt::format("{} is a symbolic link: give the folder for the results by --out", own.string()));
+    return call.value("out", own.string());
+}
+
 std::string plot_list(const StoredRun& run) {
     SummaryTable table({left_aligned("plot"), left_aligned("shows")});
     for (const AvailablePlot& plot : available_plots(run))
         table.add({plot.name, plot.description});
     if (table.empty()) return fmt::format("{}: nothing to plot\n", run.folder.string());
     return table.text();
+}
+
+/// What is said of a folder whose files do not hold what this program stores in them.
+std::string changed_folder(const std::filesystem::path& folder, const nlohmann::json::exception& error) {
+    std::string rule = error.what();
+    rule = rule.substr(std::min(rule.find("] ") + 2, rule.size()));
+    return fmt::format(
+        "{}: a JSON file in this folder does not hold what is stored there ({}); it was changed since: restore it, or "
+        "run the job again",
+        folder.string(), rule);
 }
 
 /// Runs a command on stored files; reports their problems on standard error and then returns 2 or 3.
@@ -65,12 +87,17 @@ int with_stored_files(const CommandCall& call, const std::function<int()>& comma
     };
     try {
         return command();
+    } catch (const nlohmann::json::exception& error) {
+        call.console.error << changed_folder(call.words.at(0), error) << '\n';
+        return unusable_data;
     } catch (const StoredRunRefused& error) {
         return refused(error, wrong_call);
     } catch (const PictureRefused& error) {
         return refused(error, wrong_call);
     } catch (const FolderRefused& error) {
         return refused(error, wrong_call);
+    } catch (const FileUnreadable& error) {
+        return refused(error, unusable_data);
     } catch (const orbits::DataError& error) {
         return refused(error, unusable_data);
     }
@@ -116,7 +143,7 @@ int plot_run(const CommandCall& call) {
         const std::string out = call.value("out", (run.folder / fmt::format("plot_{}.{}", name, type)).string());
         const std::string bytes = picture_file(svg, format, dots);
         if (out == "-") {
-            call.console.out << bytes;
+            write_unfiltered(call.console.out, bytes);
         } else {
             write_atomically(out, bytes);
             call.console.out << out << '\n';
@@ -133,7 +160,7 @@ int predict_motions_of(const CommandCall& call, const StoredRun& run, const std:
     if (call.has("inputs"))
         throw CommandLineError("--inputs belongs to a record; a question on periodic motions has none");
     const Job& job = question.job;
-    const std::filesystem::path out = call.value("out", (run.folder / ("predict_" + file.stem().string())).string());
+    const std::filesystem::path out = prediction_folder(call, run, file);
     const nlohmann::json document = nlohmann::json::parse(job_document(job, out, versions()).dump());
     OutputFolder folder(out, document, job_text(job, out, versions()), call.has("force"));
     Progress progress(call.has("quiet"), call.console.error, call.console.error_terminal);
@@ -173,8 +200,7 @@ int predict_run(const CommandCall& call) {
             return predict_motions_of(call, run, data);
         }
         const PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
-        const std::filesystem::path out =
-            call.value("out", (run.folder / ("predict_" + data.stem().string())).string());
+        const std::filesystem::path out = prediction_folder(call, run, data);
         const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
         OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
         progress.within("reading the record");
@@ -237,6 +263,10 @@ void store_report(OutputFolder& folder, std::ostream& complaints, const std::fun
         run.interrupted = stopped;
         folder.store("report.html", report_html(run));
     } catch (const StoredRunRefused& error) {
+        complaints << "report.html: " << error.what() << '\n';
+    } catch (const nlohmann::json::exception& error) {
+        complaints << "report.html: " << changed_folder(folder.file(""), error) << '\n';
+    } catch (const FileUnreadable& error) {
         complaints << "report.html: " << error.what() << '\n';
     } catch (const orbits::DataError& error) {
         complaints << "report.html: " << error.what() << '\n';

@@ -11,6 +11,7 @@
 
 #include "apps/campaign/plan/campaign_file.hpp"
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/printable.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/program/check/data_check.hpp"
@@ -108,7 +109,9 @@ JobRun run_job_text(std::string_view text, const std::filesystem::path& source, 
     std::ostringstream out;
     LineBuffer lines(calls.messages);
     std::ostream error(&lines);
-    Console console{out, error};
+    PrintableStream filtered_out(out);
+    PrintableStream filtered_error(error);
+    Console console{filtered_out, filtered_error};
     console.stopped = one_at_a_time(calls.stopped);
     std::string kept;
     run.exit_code = run_job(*reading.job, options, console, "never", &kept);

@@ -11,6 +11,8 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/atomic_file.hpp"
+#include "apps/documents/printable.hpp"
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/section_plot.hpp"
 #include "apps/estimation/estimate_stage.hpp"
@@ -143,7 +145,8 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
     }
     if (estimating) {
         const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
-        console.out << with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured);
+        write_unfiltered(console.out,
+                         with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured));
         code = std::max(code, exit_code(outcome.estimate));
         // What was asked for and could not be done.
         for (const auto& [block, reason] : outcome.context.posterior.refused) {
@@ -195,6 +198,9 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
     else
         place.emplace(options.out, document, job_text(job, options.out, versions()), options.force);
     OutputFolder& folder = *place;
+    if (!folder.in_memory() && !folder.is_locked())
+        progress.say(fmt::format("the file system of {} has no locks: see that no other run writes there",
+                                 options.out.string()));
     RunStop stop(interruption);
     const Workspace work{job, options, document, progress, interruption, folder, stop};
     job.model.system = job.model.system->with_stop(work.asking());
@@ -253,6 +259,8 @@ int run_job(const Job& asked, const RunOptions& options, const Console& console,
         return refused(error, wrong_call);
     } catch (const identification::WrongModel& error) {
         return refused(error, wrong_call);
+    } catch (const FileUnreadable& error) {
+        return refused(error, unusable_data);
     } catch (const orbits::DataError& error) {
         return refused(error, unusable_data);
     }

@@ -40,6 +40,7 @@ void reset_signals() {
     }
     ::signal(SIGINT, SIG_IGN);
     ::signal(SIGTERM, SIG_IGN);
+    ::signal(SIGHUP, SIG_IGN);
 }
 
 [[noreturn]] void be_child(const std::function<int()>& work, pid_t parent, const sigset_t& signals) {

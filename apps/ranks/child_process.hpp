@@ -11,9 +11,9 @@ namespace orbid::apps {
 /// A process forked from this one, without exec: it begins with all that this process has in memory.
 ///
 /// Only the thread that forks lives on in it, so this process must have one thread alone. The child dies when the
-/// thread that forked it ends, however that happens. It ignores SIGINT and SIGTERM, which a terminal or a batch system
-/// sends to all processes at once; handlers of other signals are those of the system. It leaves by _exit: nothing that
-/// this process has open is flushed or destroyed twice.
+/// thread that forked it ends, however that happens. It ignores SIGINT, SIGTERM and SIGHUP, which a terminal or a batch
+/// system sends to all processes at once; handlers of other signals are those of the system. It leaves by _exit:
+/// nothing that this process has open is flushed or destroyed twice.
 class ChildProcess {
 public:
     /// None.

@@ -47,8 +47,8 @@ std::string cascades_table(const Json& cascades) {
         const Json& ratios = cascade.at("ratios");
         for (std::size_t k = 0; k < values.size(); ++k) {
             const double ratio = k >= 2 && k - 2 < ratios.size() ? number_of(ratios[k - 2]) : std::nan("");
-            table.add({std::to_string(number), std::to_string(k + 1), fmt::format("{:.12g}", values[k].get<double>()),
-                       number_cell(ratio, 5)});
+            table.add({std::to_string(number), std::to_string(k + 1),
+                       fmt::format("{:.12g}", values.at(k).get<double>()), number_cell(ratio, 5)});
         }
         ++number;
     }
@@ -59,7 +59,7 @@ std::string orbits_table(const Json& list) {
     SummaryTable table({"orbit", "period", left_aligned("status"), "largest |multiplier|", "time [s]", "residual",
                         left_aligned("first point")});
     for (std::size_t i = 0; i < std::min(most_orbits, list.size()); ++i) {
-        const Json& orbit = list[i];
+        const Json& orbit = list.at(i);
         std::string point;
         if (const Json& points = block_at(orbit, "points"); !points.empty()) {
             for (const Json& value : points[0])

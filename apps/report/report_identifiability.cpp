@@ -31,14 +31,14 @@ std::string correlation_table(const Json& names, const Json& matrix) {
         columns.push_back({name.get<std::string>()});
     SummaryTable table(std::move(columns));
     for (std::size_t i = 0; i < names.size(); ++i) {
-        SummaryTable::Row cells{names[i].get<std::string>()};
+        SummaryTable::Row cells{names.at(i).get<std::string>()};
         for (std::size_t j = 0; j < names.size(); ++j) {
-            if (!matrix[i][j].is_number())
+            if (!matrix.at(i).at(j).is_number())
                 cells.emplace_back("undefined");
             else if (i == j)
                 cells.emplace_back("1", 1.0);
             else {
-                const double value = matrix[i][j].get<double>();
+                const double value = matrix.at(i).at(j).get<double>();
                 cells.emplace_back(fmt::format("{:+.2f}", value), value, shade(value));
             }
         }
@@ -55,14 +55,14 @@ std::string strongest_table(const Json& names, const Json& matrix) {
     std::vector<Pair> pairs;
     for (std::size_t i = 0; i < names.size(); ++i) {
         for (std::size_t j = 0; j < i; ++j)
-            if (matrix[i][j].is_number()) pairs.push_back({j, i, matrix[i][j].get<double>()});
+            if (matrix.at(i).at(j).is_number()) pairs.push_back({j, i, matrix.at(i).at(j).get<double>()});
     }
     std::stable_sort(pairs.begin(), pairs.end(),
                      [](const Pair& a, const Pair& b) { return std::abs(a.value) > std::abs(b.value); });
     SummaryTable table({left_aligned("first"), left_aligned("second"), "correlation"});
     for (std::size_t k = 0; k < std::min(readable, pairs.size()); ++k)
-        table.add({names[pairs[k].i].get<std::string>(),
-                   names[pairs[k].j].get<std::string>(),
+        table.add({names.at(pairs[k].i).get<std::string>(),
+                   names.at(pairs[k].j).get<std::string>(),
                    {fmt::format("{:+.3f}", pairs[k].value), pairs[k].value, shade(pairs[k].value)}});
     return html_table("Strongest correlations of the estimates", table);
 }
@@ -80,7 +80,7 @@ std::string correlations(const Json& result) {
 std::string null_directions(const Json& directions, const Json& told) {
     std::string out = "<ul>\n";
     for (std::size_t i = 0; i < directions.size(); ++i) {
-        const Json& direction = directions[i];
+        const Json& direction = directions.at(i);
         std::string names;
         std::string sizes;
         for (const auto& [name, component] : direction.items()) {

@@ -12,7 +12,7 @@ std::string subtitle(const StoredRun& run) {
     std::string out = detail::text_at(detail::block_at(run.job, "model"), "name");
     if (run.result) append_words(out, "status: " + detail::text_at(*run.result, "status"), " · ");
     if (run.job.contains("versions"))
-        append_words(out, "orbid " + detail::text_at(run.job["versions"], "orbid"), " · ");
+        append_words(out, "orbid " + detail::text_at(run.job.at("versions"), "orbid"), " · ");
     return out;
 }
 

@@ -112,12 +112,14 @@ std::string covariances_table(const Json& covariances) {
         const Json& v = covariance.at("matrix");
         for (std::size_t j = 0; j < groups.size(); ++j) {
             for (std::size_t i = j; i < groups.size(); ++i) {
-                const double value = number_of(v[i][j]);
-                const auto row = groups[i].get<std::string>();
-                const std::string name = i == j ? row : groups[j].get<std::string>() + ", " + row;
+                const double value = number_of(v.at(i).at(j));
+                const auto row = groups.at(i).get<std::string>();
+                const std::string name = i == j ? row : groups.at(j).get<std::string>() + ", " + row;
                 const double correlation =
-                    i == j ? std::nan("") : value / std::sqrt(v[i][i].get<double>() * v[j][j].get<double>());
-                table.add({name, number_cell(value, 5), number_cell(number_of(covariance.at("uncertainty")[i][j]), 2),
+                    i == j ? std::nan("")
+                           : value / std::sqrt(v.at(i).at(i).get<double>() * v.at(j).at(j).get<double>());
+                table.add({name, number_cell(value, 5),
+                           number_cell(number_of(covariance.at("uncertainty").at(i).at(j)), 2),
                            formatted_cell("{:+.3f}", correlation)});
             }
         }

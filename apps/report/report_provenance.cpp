@@ -25,7 +25,7 @@ std::string data_table(const StoredRun& run) {
         const bool simulated = experiment->contains("simulate");
         std::string kind = text_at(*experiment, "kind");
         if (simulated) {
-            const Json& simulate = (*experiment)["simulate"];
+            const Json& simulate = experiment->at("simulate");
             kind = simulate.contains("sections") ? "simulated section" : "simulated samples";
         }
         table.add({text_at(*experiment, "name"), kind, simulated ? "the model" : text_at(*experiment, "file"),

@@ -39,7 +39,7 @@ double worst_sd(const Json& cycle) {
     const Json& rows = block_at(cycle, "covariance");
     double worst = std::nan("");
     for (std::size_t i = 0; i < rows.size(); ++i)
-        worst = std::fmax(worst, std::sqrt(number_of(rows[i][i])));
+        worst = std::fmax(worst, std::sqrt(number_of(rows.at(i).at(i))));
     return worst;
 }
 

@@ -80,7 +80,7 @@ void add_trust(const Json& result, ReportRemarks& remarks) {
         remarks.bad(fmt::format("Verdict: {}.", line));
     const Json& because = block_at(verdict, "because");
     for (std::size_t i = 1; i < because.size(); ++i)
-        remarks.caution(because[i].get<std::string>() + ".");
+        remarks.caution(because.at(i).get<std::string>() + ".");
 }
 
 void add_status(const Json& result, ReportRemarks& remarks) {

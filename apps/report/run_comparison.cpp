@@ -122,7 +122,7 @@ std::string scales_table(const StoredRun& first, const StoredRun& second) {
 std::string origin_of(const StoredRun& run, const Json& experiment) {
     if (experiment.contains("sha256")) return experiment["sha256"].dump();
     if (!experiment.contains("simulate")) return {};
-    Json made = experiment["simulate"];
+    Json made = experiment.value("simulate", Json());
     made["model"] = run.job.value("model", Json());
     made["seed"] = run.job.value("seed", Json());
     made["sensor"] = experiment.value("sensor", Json());
@@ -211,7 +211,7 @@ void differences(const Json& a, const Json& b, const std::string& pointer, Summa
     }
     if (a.is_array() && b.is_array() && a.size() == b.size()) {
         for (std::size_t i = 0; i < a.size(); ++i)
-            differences(a[i], b[i], pointer + "/" + std::to_string(i), table, count);
+            differences(a.at(i), b.at(i), pointer + "/" + std::to_string(i), table, count);
         return;
     }
     leaf(pointer, &a, &b);

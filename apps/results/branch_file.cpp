@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/json_text.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/results/orbit_file.hpp"
 #include "apps/results/result_file.hpp"
 #include "periodic/branches/continuation.hpp"
@@ -204,7 +205,7 @@ std::string branches_csv(const CycleFileHead& head, const models::Parameter& par
 }
 
 std::optional<StoredBranches> stored_branches(std::string_view text) {
-    const auto json = nlohmann::json::parse(text, nullptr, false);
+    const auto json = json_value_or_discarded(text);
     try {
         StoredBranches stored;
         if (json.contains("fingerprint")) stored.fingerprint = json["fingerprint"].dump();

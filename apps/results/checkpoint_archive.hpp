@@ -66,7 +66,17 @@ private:
 
     template <class T>
     void transfer(T& value) {
-        if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
+        if constexpr (std::is_same_v<T, bool>) {
+            std::uint8_t stored = value ? 1 : 0;
+            bytes(&stored, sizeof(stored));
+            if (stored > 1) throw DamagedCheckpoint("a checkpoint holds what is neither true nor false");
+            value = stored == 1;
+        } else if constexpr (std::is_enum_v<T>) {
+            bytes(&value, sizeof(T));
+            constexpr int most = 64;  // more than any enumeration of ours has
+            if (static_cast<long long>(value) < 0 || static_cast<long long>(value) >= most)
+                throw DamagedCheckpoint("a checkpoint holds an unknown kind");
+        } else if constexpr (std::is_arithmetic_v<T>) {
             bytes(&value, sizeof(T));
         } else {
             fields(*this, value);
@@ -82,9 +92,16 @@ private:
     }
     template <class T>
     void transfer(std::vector<T>& list) {
-        list.resize(count(list.size(), 1));
-        for (T& value : list)
-            transfer(value);
+        const std::size_t size = count(list.size(), 1);
+        if (!reading()) {
+            for (T& value : list)
+                transfer(value);
+            return;
+        }
+        // One by one: a wrong number of large elements meets the end of the bytes before it exhausts the memory.
+        list.clear();
+        for (std::size_t i = 0; i < size; ++i)
+            transfer(list.emplace_back());
     }
     template <class T, std::size_t N>
     void transfer(std::array<T, N>& list) {
@@ -122,7 +139,11 @@ private:
         if (reading()) {
             // A vector of no rows takes no bytes, whatever its columns.
             const std::uint64_t most = left_.size() / sizeof(double);
-            if (columns > 0 && rows > most / columns) throw DamagedCheckpoint("a checkpoint holds a wrong size");
+            constexpr std::uint64_t longest = std::uint64_t{1} << 40;
+            const bool fixed = (Rows == Eigen::Dynamic || rows == static_cast<std::uint64_t>(Rows)) &&
+                               (Columns == Eigen::Dynamic || columns == static_cast<std::uint64_t>(Columns));
+            if (!fixed || (columns > 0 && rows > most / columns) || rows > longest || columns > longest)
+                throw DamagedCheckpoint("a checkpoint holds a wrong size");
             matrix.resize(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns));
         }
         bytes(matrix.data(), static_cast<std::size_t>(matrix.size()) * sizeof(double));

@@ -1,9 +1,11 @@
 #include "apps/results/orbit_file.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "apps/documents/json_text.hpp"
+#include "apps/documents/json_value.hpp"
 
 namespace orbid::apps {
 
@@ -99,6 +101,17 @@ ComputedOrbit orbit_of(const nlohmann::json& json) {
     return computed;
 }
 
+/// Of every orbit as many points as its period, all of one dimension; mirror images that are in the list.
+bool consistent(const std::vector<ComputedOrbit>& list) {
+    return std::all_of(list.begin(), list.end(), [&](const ComputedOrbit& one) {
+        const periodic::PeriodicOrbit& orbit = one.orbit;
+        const bool mirrored = !one.mirror || (*one.mirror >= 0 && static_cast<std::size_t>(*one.mirror) < list.size());
+        const bool whole =
+            orbit.points.cols() == orbit.period && orbit.points.rows() == list.front().orbit.points.rows();
+        return orbit.period >= 1 && mirrored && (whole || (!one.computed && orbit.points.size() == 0));
+    });
+}
+
 }  // namespace
 
 namespace detail {
@@ -161,7 +174,7 @@ std::string orbits_text(const CycleFileHead& head, const ComputedOrbits& orbits,
 }
 
 std::optional<StoredOrbits> stored_orbits(std::string_view text) {
-    const auto json = nlohmann::json::parse(text, nullptr, false);
+    const auto json = json_value_or_discarded(text);
     try {
         StoredOrbits stored;
         if (json.contains("fingerprint")) stored.fingerprint = json["fingerprint"].dump();
@@ -174,7 +187,7 @@ std::optional<StoredOrbits> stored_orbits(std::string_view text) {
             stored.orbits.unsettled = json["search"].at("unsettled").get<std::vector<int>>();
             stored.orbits.index_sums = json["search"].at("index_sums").get<std::vector<int>>();
         }
-        return stored;
+        return consistent(stored.orbits.list) ? std::optional(std::move(stored)) : std::nullopt;
     } catch (const nlohmann::json::exception&) {
         return std::nullopt;  // another layout: not ours, or of an older version
     }

@@ -3,11 +3,14 @@
 #include <filesystem>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 
 #include <nlohmann/json.hpp>
+
+#include "apps/documents/file_lock.hpp"
 
 namespace orbid::apps {
 
@@ -41,11 +44,13 @@ struct FolderState {
 ///         then.
 void prepare_output_folder(const std::filesystem::path& folder, const nlohmann::json& job, bool force);
 
-/// The folder of one run. job.json is stored with the first result: a run that ends before (unreadable data, a stale
-/// file) leaves the folder unchanged, and removes one that it created.
+/// The folder of one run, which holds a lock on it (FileLock): two runs never write into one folder. job.json is stored
+/// with the first result: a run that ends before (unreadable data, a stale file) leaves the folder unchanged, and
+/// removes one that it created.
 class OutputFolder {
 public:
-    /// Prepares the folder as above.
+    /// Prepares the folder as above, and locks it.
+    /// @throws FolderRefused, also when another process writes there: it names process, host and since when.
     /// @param job       what job.json says, as JSON.
     /// @param job_text  the same, as it is stored.
     OutputFolder(std::filesystem::path folder, const nlohmann::json& job, std::string job_text, bool force);
@@ -56,6 +61,8 @@ public:
     OutputFolder& operator=(const OutputFolder&) = delete;
 
     [[nodiscard]] bool in_memory() const { return in_memory_; }
+    /// False where the file system knows no locks: a second run into the folder is not noticed.
+    [[nodiscard]] bool is_locked() const { return lock_ && lock_->effective(); }
     /// In memory: the content of result.json; empty when none was stored.
     [[nodiscard]] const std::string& kept_result() const { return kept_result_; }
     [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder_ / name; }
@@ -70,9 +77,12 @@ public:
 private:
     void claim();
 
+    void lock(const nlohmann::json& job, bool force);
+
     std::mutex mutex_;  ///< one file at a time, and none half written when a run is left
     std::filesystem::path folder_;
     std::string job_text_;
+    std::optional<FileLock> lock_;
     bool created_ = false;         ///< by this run
     bool of_another_job_ = false;  ///< what it held before
     bool claimed_ = false;

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/json_value.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/results/counted_noun.hpp"
@@ -93,14 +94,18 @@ struct Origin {
 /// A text that is no origin of ours gives an empty one: the file then counts as stale.
 Origin origin_of(const std::string& text) {
     Origin origin;
-    const auto json = nlohmann::json::parse(text, nullptr, false);
+    const auto json = json_value_or_discarded(text);
     if (!json.is_object() || !json.contains("fingerprint") || !json["fingerprint"].is_string()) return origin;
     origin.fingerprint = json["fingerprint"].get<std::string>();
     if (!json.contains("captured") || !json["captured"].is_array()) return origin;
     for (const auto& entry : json["captured"]) {
         if (!entry.is_object()) continue;
-        origin.captured.push_back({entry.value("experiment", std::string()), entry.value("trajectory", 0),
-                                   entry.value("section", std::size_t{0}), entry.value("what", std::string())});
+        try {
+            origin.captured.push_back({entry.value("experiment", std::string()), entry.value("trajectory", 0),
+                                       entry.value("section", std::size_t{0}), entry.value("what", std::string())});
+        } catch (const nlohmann::json::type_error&) {
+            return {};
+        }
     }
     return origin;
 }

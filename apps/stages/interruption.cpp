@@ -26,11 +26,15 @@ InterruptionGuard::InterruptionGuard() {
     stop_asked = false;
     former_interrupt_ = std::signal(SIGINT, ask_to_stop);
     former_terminate_ = std::signal(SIGTERM, ask_to_stop);
+    former_hangup_ = std::signal(SIGHUP, ask_to_stop);
+    if (former_hangup_ == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
+    std::signal(SIGPIPE, SIG_IGN);
 }
 
 InterruptionGuard::~InterruptionGuard() {
     std::signal(SIGINT, former_interrupt_);
     std::signal(SIGTERM, former_terminate_);
+    std::signal(SIGHUP, former_hangup_);
 }
 
 bool InterruptionGuard::asked() const {

@@ -16,8 +16,10 @@ protected:
     Interruption& operator=(const Interruption&) = default;
 };
 
-/// From construction on, the first Ctrl-C (SIGINT) or SIGTERM only requests a stop: the run stores a valid result with
-/// status `interrupted`. A second one ends the program at once. Destruction restores the former handlers. Only one may
+/// From construction on, the first Ctrl-C (SIGINT), SIGTERM or SIGHUP (a terminal that was closed) only requests a
+/// stop: the run stores a valid result with status `interrupted`. A second one ends the program at once. SIGHUP stays
+/// ignored where it is (nohup). SIGPIPE is ignored from then on, also afterwards, when the last output is written:
+/// whoever read it has gone, and the results are still stored. Destruction restores the other handlers. Only one may
 /// exist at a time.
 class InterruptionGuard final : public Interruption {
 public:
@@ -33,6 +35,7 @@ private:
     using Handler = void (*)(int);
     Handler former_interrupt_;
     Handler former_terminate_;
+    Handler former_hangup_;
 };
 
 }  // namespace orbid::apps

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/documents/json_text.hpp"
+#include "apps/documents/printable.hpp"
 
 namespace orbid::apps {
 namespace {
@@ -61,7 +62,7 @@ double Progress::seconds_since(Clock::time_point then) const {
 }
 
 void Progress::keep(std::string_view line) {
-    log_ += fmt::format("{:10.3f}  {}\n", seconds_since(start_), line);
+    log_ += fmt::format("{:10.3f}  {}\n", seconds_since(start_), printable(line));
 }
 
 void Progress::print(std::string_view line) {
@@ -75,7 +76,7 @@ void Progress::print(std::string_view line) {
 
 void Progress::clear_bar() {
     if (bar_shown_) {
-        stream_ << "\r\033[K";
+        write_unfiltered(stream_, "\r\033[K");
         bar_shown_ = false;
     }
 }
@@ -108,11 +109,11 @@ void Progress::draw() {
     if (quiet_ || !terminal_ || !running_ || now - last_drawn_ < shortest_redraw) return;
     if (minor_ && now - stage_start_ < first_line) return;
     last_drawn_ = now;
-    std::string line = fmt::format("{:<9}{}", stage_, state(seconds_since(stage_start_)));
+    std::string line = printable(fmt::format("{:<9}{}", stage_, state(seconds_since(stage_start_))));
     // A longer line would wrap on an 80-column terminal and leave its upper half behind.
     constexpr std::size_t columns = 79;
     line.resize(std::min(line.size(), columns));
-    stream_ << '\r' << line << "\033[K";
+    write_unfiltered(stream_, '\r' + line + "\033[K");
     stream_.flush();
     bar_shown_ = true;
 }

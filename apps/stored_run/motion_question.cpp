@@ -8,6 +8,7 @@
 
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/json_reader.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/periodic_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
@@ -27,9 +28,9 @@ Json read_question(const std::filesystem::path& file) {
         throw orbits::DataError(fmt::format("{}: no such file", file.string()));
     if (file.extension() != ".json") return {{"measured", {{"file", std::filesystem::absolute(file).string()}}}};
     try {
-        return Json::parse(read_whole_file(file), nullptr, true, true);
-    } catch (const nlohmann::json::parse_error& error) {
-        throw orbits::DataError(fmt::format("{}: {}", file.string(), error.what()));
+        return json_value<Json>(read_whole_file(file), true);
+    } catch (const JsonRefused& error) {
+        throw orbits::DataError(fmt::format("{}:{}", file.string(), error.what()));
     }
 }
 
@@ -91,8 +92,9 @@ std::vector<std::pair<std::string, double>> named_values(const Json& object, con
 /// job's own start is near the orbit at the job's own values, the other one is the orbit at the estimate.
 void start_on_fitted_branch(const StoredRun& run, double own, Json& residual) {
     const Json* file = run.shown_branch();
-    if (file == nullptr || !file->contains("branches") || (*file)["parameter"]["name"] != residual["parameter"]) return;
-    for (const Json& branch : (*file)["branches"])
+    if (file == nullptr || !file->contains("branches") || file->at("parameter").at("name") != residual.at("parameter"))
+        return;
+    for (const Json& branch : file->at("branches"))
         for (const Json& point : branch.at("points")) {
             if (point.at("parameter") != own) continue;
             residual["orbit"]["points"] = point.at("points");
@@ -152,11 +154,11 @@ Json periodic_of(const Json& residual, double own, const Eigen::VectorXd& at) {
     lower = lower > 0.0 ? std::max(lower - beyond, 0.5 * lower) : lower - beyond;
     upper += beyond;
     if (residual.contains("range")) {
-        lower = std::min(lower, residual["range"][0].get<double>());
-        upper = std::max(upper, residual["range"][1].get<double>());
+        lower = std::min(lower, residual.at("range").at(0).get<double>());
+        upper = std::max(upper, residual.at("range").at(1).get<double>());
     }
-    return {{"orbits", Json::array({residual["orbit"]})},
-            {"continuation", {{"parameter", residual["parameter"]}, {"range", {lower, upper}}}}};
+    return {{"orbits", Json::array({residual.at("orbit")})},
+            {"continuation", {{"parameter", residual.at("parameter")}, {"range", {lower, upper}}}}};
 }
 
 /// Reads the job that a question has become. Its places are named as the question has them.
@@ -234,7 +236,7 @@ void read_bands(const Json& question, MotionQuestion& asked, const QuestionPlace
 bool is_motion_question(const StoredRun& run, const std::filesystem::path& file) {
     if (!std::filesystem::is_regular_file(file)) return false;
     if (file.extension() != ".json") return run.experiments().empty() && branch_residual(run) != nullptr;
-    const auto json = Json::parse(read_whole_file(file), nullptr, false, true);
+    const auto json = json_value_or_discarded<Json>(read_whole_file(file), true);
     return json.is_object() && (json.contains("periodic") || json.contains("measured"));
 }
 

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/text_table.hpp"
@@ -86,9 +87,9 @@ void replace_inputs(const StoredRun& run, const std::filesystem::path& inputs, b
 Json data_object(const std::filesystem::path& file) {
     Json object;
     try {
-        object = Json::parse(read_whole_file(file), nullptr, true, true);
-    } catch (const nlohmann::json::parse_error& error) {
-        throw orbits::DataError(fmt::format("{}: {}", file.string(), error.what()));
+        object = json_value<Json>(read_whole_file(file), true);
+    } catch (const JsonRefused& error) {
+        throw orbits::DataError(fmt::format("{}:{}", file.string(), error.what()));
     }
     if (!object.is_object() || !object.contains("file") || !object["file"].is_string())
         throw orbits::DataError(
@@ -180,7 +181,7 @@ bool settle_errors(const Json& estimated, Json& errors) {
                 value = *found;
             }
         } else if (estimated.contains(key) && estimated[key].is_object() && estimated[key].contains("value")) {
-            value = estimated[key]["value"];
+            value = estimated.at(key).at("value");
         }
     }
     return known;
@@ -192,12 +193,12 @@ Json settled_errors(const StoredRun& run, const std::string& experiment, bool& k
     known = residual != nullptr && residual->contains("errors");
     Json errors = Json::object();
     if (!known) return errors;
-    for (const auto& [coordinate, entry] : (*residual)["errors"].items()) {
+    for (const auto& [coordinate, entry] : residual->at("errors").items()) {
         Json settled = entry;
         Json estimated = Json::object();
         for (const std::string& group : {"series." + experiment + "." + coordinate, "series." + coordinate}) {
-            if (run.result->contains("errors") && (*run.result)["errors"].contains(group)) {
-                estimated = (*run.result)["errors"][group];
+            if (run.result->contains("errors") && run.result->at("errors").contains(group)) {
+                estimated = run.result->at("errors").at(group);
                 break;
             }
         }

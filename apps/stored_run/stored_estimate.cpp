@@ -78,7 +78,7 @@ std::vector<StoredEstimate> stored_estimates(const StoredRun& run, const Json& p
     std::vector<StoredEstimate> estimates;
     std::string own;
     std::size_t row = 0;
-    for (const auto& [name, entry] : (*run.result)["parameters"].items()) {
+    for (const auto& [name, entry] : run.result->at("parameters").items()) {
         const StoredEstimate estimate{name.substr(0, name.find('@')), name, row++, detail::stored_value(entry),
                                       entry.is_object() && entry.contains("held")};
         // A value at the beginning of a record is no parameter of the model.

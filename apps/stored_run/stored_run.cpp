@@ -1,16 +1,18 @@
 #include "apps/stored_run/stored_run.hpp"
 
-#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string_view>
 
 #include <fmt/format.h>
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "apps/stages/recorded_series.hpp"
+#include "apps/stored_run/stored_shape.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/text_table.hpp"
 
@@ -20,24 +22,19 @@ namespace {
 
 using Json = StoredRun::Json;
 
-/// "3:17" of a byte offset counted from 1.
-std::string place_of(std::string_view text, std::size_t byte) {
-    const std::string_view before = text.substr(0, std::min(byte > 0 ? byte - 1 : 0, text.size()));
-    const auto line = std::count(before.begin(), before.end(), '\n') + 1;
-    const auto start = before.rfind('\n');
-    return fmt::format("{}:{}", line, before.size() - (start == std::string_view::npos ? 0 : start + 1) + 1);
-}
-
 /// @param format  what "format" must say; empty: the file has no such key.
 std::optional<Json> read_file(const std::filesystem::path& file, std::string_view format) {
     if (!std::filesystem::exists(file)) return std::nullopt;
     const std::string text = read_whole_file(file);
     Json json;
     try {
-        json = Json::parse(text);
-    } catch (const nlohmann::json::parse_error& error) {
-        throw orbits::DataError(fmt::format("{}:{}: is not JSON; the file was changed or cut off after it was stored",
-                                            file.string(), place_of(text, error.byte)));
+        json = json_value<Json>(text);
+    } catch (const JsonRefused& error) {
+        const std::string_view said = error.what();  // "3:13: rule"
+        const std::size_t place = said.find(": ");
+        throw orbits::DataError(
+            fmt::format("{}:{}: is not JSON that is stored here ({}); the file was changed or cut off after that",
+                        file.string(), said.substr(0, place), said.substr(place + 2)));
     }
     if (!json.is_object())
         throw orbits::DataError(fmt::format("{}:1:1: must be an object, is {}", file.string(), json.type_name()));
@@ -109,6 +106,12 @@ StoredRun read_stored_run(const std::filesystem::path& folder) {
     run.estimate_orbits = read_file(folder / "estimate_orbits.json", "orbid-cycles/1");
     run.branch = read_file(folder / "branch.json", "orbid-branches/1");
     run.estimate_branch = read_file(folder / "estimate_branch.json", "orbid-branches/1");
+    for (const auto& [name, file] : {std::pair{"cycles.json", &run.cycles}, std::pair{"orbits.json", &run.orbits},
+                                     std::pair{"estimate_orbits.json", &run.estimate_orbits}})
+        if (*file) check_cycle_list(folder / name, **file);
+    for (const auto& [name, file] :
+         {std::pair{"branch.json", &run.branch}, std::pair{"estimate_branch.json", &run.estimate_branch}})
+        if (*file) check_branch_list(folder / name, **file);
     run.invariants = read_file(folder / "invariants.json", "orbid-invariants/1");
     run.timing = read_file(folder / "timing.json", "");
     run.prediction = read_file(folder / "prediction.json", "orbid-prediction/1");
@@ -162,7 +165,10 @@ std::optional<StoredDraws> stored_draws(const StoredRun& run) {
     draws.columns.resize(columns.size());
     std::vector<std::string_view> cells;
     while (table.next(cells)) {
-        draws.chain.push_back(static_cast<int>(table.number(cells[chain], chain)));
+        const double number = table.number(cells[chain], chain);
+        constexpr double most = 1e6;  // far beyond any use: it guards the conversion
+        if (!(std::abs(number) <= most)) table.fail(chain, "must be the number of a chain");
+        draws.chain.push_back(static_cast<int>(number));
         for (std::size_t c = 0; c < columns.size(); ++c)
             draws.columns[c].push_back(number_or_nan(table, cells[columns[c]], columns[c]));
     }

@@ -64,7 +64,11 @@ void EquationReader::add_name(Part part, std::size_t index, const std::string& n
                 return "the phase";
         }
     }();
-    if (!detail::is_name(name)) {
+    if (name.size() > Equations::longest_name) {
+        report(part, index,
+               fmt::format("\"{}...\" is a name of {} characters: at most {}", name.substr(0, 20), name.size(),
+                           Equations::longest_name));
+    } else if (!detail::is_name(name)) {
         report(part, index, fmt::format("\"{}\" is no name: letters, digits and _, no digit first", name));
     } else if (is_reserved_word(name)) {
         report(part, index, fmt::format("\"{}\" is a word of the formulas (pi or a function)", name));

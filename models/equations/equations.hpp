@@ -23,6 +23,7 @@ namespace orbid::models {
 class Equations {
 public:
     using Node = ExpressionGraph::Node;
+    static constexpr std::size_t longest_name = 100;
     static constexpr std::size_t most_coordinates = 64;
     static constexpr std::size_t most_parameters = EquationProgram::most_parameters;
     static constexpr std::size_t most_surfaces = 8;

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "orbits/records/data_file.hpp"
 #include "orbits/records/hdf5_library.hpp"
 #include "orbits/records/series_file.hpp"
 
@@ -17,8 +18,8 @@ constexpr const char* known_format = "orbid-series/1";
 /// Objects are read through this: every failure names file, object and rule.
 class Reader {
 public:
-    Reader(std::string file, const std::function<bool()>& interrupted)
-        : file_(std::move(file)), interrupted_(interrupted) {}
+    Reader(std::string file, std::uintmax_t bytes, const std::function<bool()>& interrupted)
+        : file_(std::move(file)), bytes_(bytes), interrupted_(interrupted) {}
 
     [[noreturn]] void fail(const std::string& what) const { throw DataError(fmt::format("{}: {}", file_, what)); }
 
@@ -35,7 +36,7 @@ public:
         const Hdf5Handle attribute = open_attribute(owner, name);
         const Hdf5Handle type(H5Aget_type(attribute.id()), H5Tclose);
         if (H5Tget_class(type.id()) != H5T_STRING) fail(fmt::format("attribute \"{}\" must hold text", name));
-        const std::size_t count = count_of(attribute);
+        const std::size_t count = count_of(attribute, name, 1);
         std::vector<std::string> values;
         bool good = true;
         if (H5Tis_variable_str(type.id()) > 0) {
@@ -43,10 +44,11 @@ public:
             const Hdf5Handle space(H5Aget_space(attribute.id()), H5Sclose);
             good = H5Aread(attribute.id(), type.id(), pointers.data()) >= 0;
             for (const char* pointer : pointers)
-                values.emplace_back(pointer == nullptr ? "" : pointer);
+                values.emplace_back(!good || pointer == nullptr ? "" : pointer);
             if (good) H5Dvlen_reclaim(type.id(), space.id(), H5P_DEFAULT, pointers.data());
         } else {
             const std::size_t length = H5Tget_size(type.id());
+            (void)count_of(attribute, name, length);
             std::string padded(count * length, '\0');
             good = H5Aread(attribute.id(), type.id(), padded.data()) >= 0;
             for (std::size_t i = 0; i < count; ++i) {
@@ -68,7 +70,7 @@ public:
         const Hdf5Handle attribute = open_attribute(owner, name);
         const Hdf5Handle type(H5Aget_type(attribute.id()), H5Tclose);
         const auto kind = H5Tget_class(type.id());
-        std::vector<double> values(count_of(attribute));
+        std::vector<double> values(count_of(attribute, name, 1));
         if ((kind != H5T_FLOAT && kind != H5T_INTEGER) || H5Aread(attribute.id(), H5T_NATIVE_DOUBLE, values.data()) < 0)
             fail(fmt::format("attribute \"{}\" must hold numbers", name));
         return values;
@@ -107,11 +109,31 @@ public:
         if (H5Tget_class(type.id()) != H5T_STRING || H5Tis_variable_str(type.id()) > 0 ||
             H5Sget_simple_extent_npoints(space.id()) != 1)
             fail(fmt::format("dataset \"{}\" must hold one text of fixed length", path));
+        need_room(fmt::format("dataset \"{}\"", path), 1, H5Tget_size(type.id()), 1.0);
         std::string text(H5Tget_size(type.id()), '\0');
         if (H5Dread(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()) < 0)
             fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
         text.resize(std::min(text.find('\0'), text.size()));
         return text;
+    }
+
+    /// Refuses an object that claims more than the file can hold: a wrong number must not exhaust the memory.
+    /// @param compression  how many bytes one of the file may stand for.
+    void need_room(const std::string& object, std::size_t count, std::size_t bytes, double compression) const {
+        const double needed = static_cast<double>(count) * static_cast<double>(bytes);
+        if (needed > compression * static_cast<double>(bytes_))
+            fail(fmt::format("{} has {} entries, more than a file of {} bytes can hold; the file is damaged", object,
+                             count, bytes_));
+    }
+    /// The same for a dataset of doubles. deflate, the usual compression, makes 1 of 1032 bytes at best (RFC 1951).
+    void need_room_for_numbers(const std::string& path, const std::vector<hsize_t>& shape) const {
+        constexpr double best_deflate = 1032.0;
+        double count = 1.0;
+        for (const hsize_t size : shape)
+            count *= static_cast<double>(size);
+        constexpr double most = 1e18;
+        need_room(fmt::format("dataset \"{}\"", path), static_cast<std::size_t>(std::min(count, most)), sizeof(double),
+                  best_deflate);
     }
 
     /// A whole dataset of numbers.
@@ -130,12 +152,16 @@ private:
         return dataset;
     }
 
-    static std::size_t count_of(const Hdf5Handle& attribute) {
+    /// The number of entries, each of so many bytes at least: no more than the file can hold.
+    std::size_t count_of(const Hdf5Handle& attribute, const std::string& name, std::size_t bytes) const {
         const Hdf5Handle space(H5Aget_space(attribute.id()), H5Sclose);
-        return static_cast<std::size_t>(std::max<hssize_t>(H5Sget_simple_extent_npoints(space.id()), 0));
+        const auto count = static_cast<std::size_t>(std::max<hssize_t>(H5Sget_simple_extent_npoints(space.id()), 0));
+        need_room(fmt::format("attribute \"{}\"", name), count, bytes, 1.0);
+        return count;
     }
 
     std::string file_;
+    std::uintmax_t bytes_;
     const std::function<bool()>& interrupted_;
 };
 
@@ -173,6 +199,7 @@ Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::I
         read.fail(fmt::format("dataset \"{}\" has shape ({}), must be (points, {}): one column per coordinate", path,
                               fmt::join(shape, ", "), dimension));
     }
+    read.need_room_for_numbers(path, shape);
     const auto points = static_cast<Eigen::Index>(shape[0]);
     segment.values.resize(dimension, points);
     read.values(values, path, {segment.values.data(), static_cast<std::size_t>(segment.values.size())});
@@ -203,12 +230,7 @@ Segment read_segment(const Reader& read, hid_t file, std::size_t index, Eigen::I
 
 Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points,
                  const std::function<bool()>& interrupted) {
-    const Reader read(file.string(), interrupted);
-    std::error_code error;
-    const auto status = std::filesystem::status(file, error);
-    if (!std::filesystem::exists(status)) read.fail("no such file");
-    if (std::filesystem::is_directory(status)) read.fail("is a folder; a file with data is needed");
-
+    const Reader read(file.string(), require_data_file(file), interrupted);
     const Hdf5Silence silence;
     if (H5Fis_hdf5(file.c_str()) <= 0) read.fail("is not an HDF5 file, or cannot be read");
     const Hdf5Handle opened(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);

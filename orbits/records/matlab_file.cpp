@@ -15,6 +15,7 @@
 #include <fmt/ranges.h>
 #include <matio.h>
 
+#include "orbits/records/data_file.hpp"
 #include "orbits/records/library_function.hpp"
 #include "orbits/records/nearest_name.hpp"
 #include "orbits/records/refusal.hpp"
@@ -147,8 +148,7 @@ class MatlabFile {
 public:
     explicit MatlabFile(const std::filesystem::path& path) : path_(path) {
         const std::string name = path.string();
-        refuse_record_if(!std::filesystem::exists(path), "{}: no such file", name);
-        refuse_record_if(std::filesystem::is_directory(path), "{}: is a folder; a file with data is needed", name);
+        (void)require_data_file(path);
         // Variables are read by names in any order; matio finds them from the beginning only.
         const auto file = open();
         while (const Variable variable{Mat_VarReadNextInfo(file.get())})
@@ -203,9 +203,9 @@ private:
         }
         if (variable == nullptr || (variable->data == nullptr && is_numeric(*variable))) {
             const auto nearest = nearest_name(text, listing_.names);
-            refuse_record_if(true, "{}: no variable \"{}\"{}; there are \"{}\"", path_.string(), text,
+            refuse_record_if(true, "{}: no variable \"{}\"{}; there are {}", path_.string(), text,
                              nearest ? fmt::format(" (did you mean \"{}\"?)", *nearest) : "",
-                             fmt::join(listing_.names, "\", \""));
+                             shown_names(listing_.names));
         }
         return *variable;
     }

@@ -34,7 +34,13 @@ std::optional<std::string> nearest_name(std::string_view name, const std::vector
     const std::size_t allowed = std::max<std::size_t>(name.size() / 3, name.size() >= 4 ? 2 : 1);
     std::size_t best = allowed + 1;
     std::optional<std::string> nearest;
+    // What nobody types is no misspelling; the work grows with the square of the length.
+    constexpr std::size_t longest = 200;
+    if (name.size() > longest) return nearest;
     for (const std::string& candidate : known) {
+        const std::size_t difference =
+            std::max(name.size(), candidate.size()) - std::min(name.size(), candidate.size());
+        if (difference >= best) continue;  // as many changes at least
         const std::size_t distance = changes(name, candidate);
         // A name of which not one letter fits is no misspelling.
         if (distance < best && distance < std::max(name.size(), candidate.size())) {

@@ -11,7 +11,8 @@ namespace orbid::orbits {
 /// ignoring case.
 ///
 /// @return nothing when every known name needs more than a third of the letters changed (at least one, two from four
-///         letters on): a suggestion would mislead.
+///         letters on): a suggestion would mislead. Nothing either for names of more than
+///         200 characters.
 [[nodiscard]] std::optional<std::string> nearest_name(std::string_view name, const std::vector<std::string>& known);
 
 }  // namespace orbid::orbits

@@ -8,9 +8,10 @@
 
 #include <fmt/format.h>
 
-#include "orbits/records/data_error.hpp"
+#include "orbits/records/data_file.hpp"
 #include "orbits/records/matlab_file.hpp"
 #include "orbits/records/nearest_name.hpp"
+#include "orbits/records/refusal.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -30,22 +31,26 @@ std::string_view trimmed(std::string_view cell) {
     return cell;
 }
 
+/// Piece by piece: a file without ends of lines is refused before it fills the memory.
 std::string whole_file(const std::filesystem::path& path) {
-    std::error_code error;
-    const auto status = std::filesystem::status(path, error);
-    if (!std::filesystem::exists(status)) throw DataError(fmt::format("{}: no such file", path.string()));
-    if (std::filesystem::is_directory(status))
-        throw DataError(fmt::format("{}: is a folder; a file with data is needed", path.string()));
+    const std::uintmax_t size = require_data_file(path);
     std::ifstream stream(path, std::ios::binary);
     if (!stream) throw DataError(fmt::format("{}: cannot be opened for reading", path.string()));
     std::string text;
-    const auto size = std::filesystem::file_size(path, error);
-    if (error) {  // a pipe or a device: of unknown length
-        text.assign(std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>());
-    } else {
-        text.resize(size);
-        stream.read(text.data(), static_cast<std::streamsize>(size));
-        text.resize(static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
+    text.reserve(static_cast<std::size_t>(size));
+    std::string piece(std::size_t{1} << 20, '\0');
+    std::size_t line_start = 0, lines = 0;
+    while (stream) {
+        stream.read(piece.data(), static_cast<std::streamsize>(piece.size()));
+        const std::string_view got(piece.data(),
+                                   static_cast<std::size_t>(std::max<std::streamsize>(stream.gcount(), 0)));
+        text += got;
+        lines += static_cast<std::size_t>(std::count(got.begin(), got.end(), '\n'));
+        if (const auto last = got.rfind('\n'); last != std::string_view::npos)
+            line_start = text.size() - got.size() + last + 1;
+        refuse_record_if(text.size() - line_start > longest_table_line,
+                         "{}:{}: the line has more than {} bytes; is it a table of text?", path.string(), lines + 1,
+                         longest_table_line);
     }
     if (stream.bad()) throw DataError(fmt::format("{}: cannot be read to its end", path.string()));
     return text;
@@ -99,6 +104,8 @@ void TextTable::read_header() {
     delimiter_ = delimiter_of(line);
     std::vector<std::string_view> cells;
     cut(line, cells);
+    refuse_record_if(cells.size() > most_table_columns, "{}:{}: has {} columns, at most {} are read", file_, line_,
+                     cells.size(), most_table_columns);
     header_.assign(cells.begin(), cells.end());
 }
 
@@ -106,9 +113,9 @@ std::size_t TextTable::column(const std::string& name) const {
     const auto found = std::find(header_.begin(), header_.end(), name);
     if (found == header_.end()) {
         const auto nearest = nearest_name(name, header_);
-        throw DataError(fmt::format("{}: no column \"{}\"{}; the columns are \"{}\"", file_, name,
+        throw DataError(fmt::format("{}: no column \"{}\"{}; the columns are {}", file_, shown(name),
                                     nearest ? fmt::format(" (did you mean \"{}\"?)", *nearest) : "",
-                                    fmt::join(header_, "\", \"")));
+                                    shown_names(header_)));
     }
     if (std::find(found + 1, header_.end(), name) != header_.end())
         throw DataError(fmt::format("{}: column \"{}\" appears twice in the header; names must differ", file_, name));

@@ -10,6 +10,7 @@
 
 #include "apps/documents/fingerprint.hpp"
 #include "apps/documents/json_difference.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/version.hpp"
@@ -44,7 +45,7 @@ Json decisive(const CampaignTasks& tasks) {
     Json document = tasks.campaign().document();
     document.erase("title");
     for (Json& job : document["jobs"]) {
-        job["job"] = Json::parse(job["text"].get<std::string>(), nullptr, false, true);
+        job["job"] = json_value_or_discarded<Json>(job["text"].get<std::string>(), true);
         job.erase("text");
         job.erase("source");
     }

@@ -1,6 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+
+#include "apps/documents/file_lock.hpp"
 
 namespace orbid::apps {
 
@@ -10,15 +13,12 @@ class JournalLock {
 public:
     /// @throws JournalError naming host and process id of the one that writes, or why the file cannot be made.
     explicit JournalLock(const std::filesystem::path& journal);
-    ~JournalLock();
-    JournalLock(const JournalLock&) = delete;
-    JournalLock& operator=(const JournalLock&) = delete;
 
     /// campaign.lock beside campaign.sqlite.
     [[nodiscard]] static std::filesystem::path file(const std::filesystem::path& journal);
 
 private:
-    int descriptor_ = -1;
+    std::optional<FileLock> lock_;
 };
 
 }  // namespace orbid::apps

@@ -9,6 +9,7 @@
 #include "apps/campaign/plan/campaign_tasks.hpp"
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/file_pattern.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/blocks/field_kinds.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 #include "apps/job/job_parts.hpp"
@@ -58,7 +59,7 @@ void change_jobs(const ValueReader& value, const Json& changes, Campaign& campai
             continue;
         }
         std::string& text = campaign.jobs[static_cast<std::size_t>(found - names.begin())].text;
-        Json job = Json::parse(text, nullptr, false, true);
+        Json job = json_value_or_discarded<Json>(text, true);
         if (!job.is_object()) continue;  // reported where jobs are checked
         job.merge_patch(change);
         text = job.dump(2);
@@ -69,7 +70,7 @@ void read_changes(const ValueReader& value, const Job&, CampaignText& text) {
     if (value.is(JsonValue::Kind::object)) return change_jobs(value, text.written(value), text.campaign);
     const auto path = read_path(value, text.place);
     if (!path || !std::filesystem::is_regular_file(*path)) return;
-    const Json changes = Json::parse(read_whole_file(*path), nullptr, false, true);
+    const Json changes = json_value_or_discarded<Json>(read_whole_file(*path), true);
     if (!changes.is_object()) return value.report(fmt::format("\"{}\" is no object of JSON", path->string()));
     change_jobs(value, changes, text.campaign);
 }
@@ -103,8 +104,8 @@ void read_run(const ValueReader& value, const Job& place, CampaignText& text) {
     for (const char* file : {"job.json", "result.json"})
         if (!std::filesystem::is_regular_file(path / file))
             return value.report_data(fmt::format("\"{}\" is no finished run: it has no {}", path.string(), file));
-    Json job = Json::parse(read_whole_file(path / "job.json"), nullptr, false);
-    const Json result = Json::parse(read_whole_file(path / "result.json"), nullptr, false);
+    Json job = json_value_or_discarded<Json>(read_whole_file(path / "job.json"));
+    const Json result = json_value_or_discarded<Json>(read_whole_file(path / "result.json"));
     if (!job.is_object() || !result.is_object() || result.value("parameters", Json::object()).empty())
         return value.report_data(fmt::format("\"{}\" is no run that has estimated parameters", path.string()));
     take_estimates(result, job, text.campaign);
@@ -138,7 +139,7 @@ KnownValue known_from(const std::string& parameter, const Json& value, const std
 void read_truth_file(const ValueReader& value, CampaignText& text) {
     const auto path = read_path(value, text.place);
     if (!path || !std::filesystem::is_regular_file(*path)) return;
-    const Json document = Json::parse(read_whole_file(*path), nullptr, false, true);
+    const Json document = json_value_or_discarded<Json>(read_whole_file(*path), true);
     if (!document.is_object()) return value.report(fmt::format("\"{}\" is no object of JSON", path->string()));
     try {
         for (const auto& [job, parameters] : document.items())

@@ -10,6 +10,7 @@
 
 #include "apps/campaign/plan/campaign_fields.hpp"
 #include "apps/campaign/plan/campaign_tasks.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/documents/schema_check.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
@@ -140,7 +141,7 @@ CampaignReading read_campaign(std::string_view text, const std::filesystem::path
     reading.problems = std::move(document.problems);
     CampaignText read;
     read.place.source = std::filesystem::absolute(source).lexically_normal();
-    read.raw = nlohmann::ordered_json::parse(text, nullptr, false, true);
+    read.raw = json_value_or_discarded<nlohmann::ordered_json>(text, true);
     if (document.root) {
         check_described(*document.root, campaign_description(), reading.problems);
         read_root(ValueReader(*document.root, "", reading.problems, &campaign_description()), read);
@@ -158,7 +159,9 @@ bool simulates_all_data(const Job& job) {
 }
 
 bool is_campaign(std::string_view text) {
-    const auto document = nlohmann::ordered_json::parse(text, nullptr, false, true);
+    // Of a large job only this is read.
+    if (text.find("\"kind\"") == std::string_view::npos) return false;
+    const auto document = json_value_or_discarded<nlohmann::ordered_json>(text, true);
     return document.is_object() && document.contains("kind") &&
            (document.contains("job") || document.contains("jobs") || document.contains("run"));
 }

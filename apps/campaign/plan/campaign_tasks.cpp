@@ -8,6 +8,7 @@
 
 #include "apps/documents/fingerprint.hpp"
 #include "apps/documents/json_reader.hpp"
+#include "apps/documents/json_value.hpp"
 #include "estimator/interface/random_stream.hpp"
 
 namespace orbid::apps {
@@ -120,7 +121,7 @@ CampaignTasks::CampaignTasks(Campaign campaign) : campaign_(std::move(campaign))
         throw std::invalid_argument(fmt::format("{:.6g} tasks: at most {} can be run", count, most));
     count_ = static_cast<std::int64_t>(count);
     for (const BaseJob& job : campaign_.jobs) {
-        bases_.push_back(Json::parse(job.text, nullptr, false, true));
+        bases_.push_back(json_value_or_discarded<Json>(job.text, true));
         if (!bases_.back().is_object())
             throw std::invalid_argument(fmt::format("{}: is not a job: no object of JSON", job.source.string()));
         for (const std::string& parameter : campaign_.held)

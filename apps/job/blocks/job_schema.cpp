@@ -14,7 +14,7 @@ namespace {
 bool is_plain_name(std::string_view word) {
     const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
     const auto digit = [](char c) { return c >= '0' && c <= '9'; };
-    return !word.empty() && letter(word.front()) &&
+    return !word.empty() && word.size() <= 100 && letter(word.front()) &&
            std::all_of(word.begin(), word.end(), [&](char c) { return letter(c) || digit(c); });
 }
 
@@ -62,7 +62,8 @@ ValueSchema seed() {
 }
 
 ValueSchema name() {
-    return text_like(is_plain_name, "^[A-Za-z_][A-Za-z0-9_]*$", "a name: letters, digits and _, no digit first");
+    return text_like(is_plain_name, "^[A-Za-z_][A-Za-z0-9_]{0,99}$",
+                     "a name: letters, digits and _, no digit first, at most 100 characters");
 }
 
 const FieldTable<Job>& flow_fields() {

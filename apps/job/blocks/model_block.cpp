@@ -1,6 +1,7 @@
 #include "apps/job/blocks/model_block.hpp"
 
 #include "apps/documents/atomic_file.hpp"
+#include "apps/documents/json_value.hpp"
 #include "apps/job/blocks/block_fields.hpp"
 #include "apps/job/blocks/job_schema.hpp"
 
@@ -127,7 +128,7 @@ nlohmann::json values_of_run(const ValueReader& from, const Job& job) {
     const auto file = read_path(from, job);
     if (!file || !std::filesystem::is_regular_file(*file)) return values;
     const auto take = [&](const std::filesystem::path& path, const char* format, const Json::json_pointer& place) {
-        Json document = Json::parse(read_whole_file(path), nullptr, false);
+        Json document = json_value_or_discarded(read_whole_file(path));
         const bool known = document.is_object() && document.value("format", Json()) == format;
         if (!known) from.report_data(fmt::format("\"{}\" is no file of the format {}", path.string(), format));
         if (!known || !document.contains(place)) return known;

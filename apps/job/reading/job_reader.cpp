@@ -135,7 +135,7 @@ JobReading read_job_file(const std::filesystem::path& file) {
     if (std::filesystem::is_directory(file)) return refuse("is a folder, not a job file");
     std::string text;
     try {
-        text = read_whole_file(file);
+        text = read_whole_file(file, largest_job_file, true);
     } catch (const std::runtime_error& error) {
         return refuse(error.what());
     }

@@ -38,7 +38,8 @@ double distance(const Points& a, const Points& b, const std::vector<double>& ran
         for (std::size_t j = 0; j < a.size() && largest < best; ++j) {
             const auto& other = b[(j + shift) % b.size()];
             for (std::size_t i = 0; i < range.size(); ++i) {
-                const double step = angle[i] ? models::wrapped(a[j][i] - other[i]) : a[j][i] - other[i];
+                const double step =
+                    angle[i] ? models::wrapped(a.at(j).at(i) - other.at(i)) : a.at(j).at(i) - other.at(i);
                 largest = std::max(largest, std::abs(step) / range[i]);
             }
         }
@@ -59,7 +60,7 @@ Scale scale_of(const PointsByPeriod& a, const PointsByPeriod& b, const ModelJob&
     std::vector<double> highest(dimension, -std::numeric_limits<double>::infinity());
     const auto include = [&](const std::vector<double>& point) {
         for (std::size_t i = 0; i < dimension; ++i) {
-            lowest[i] = std::min(lowest[i], point[i]);
+            lowest[i] = std::min(lowest.at(i), point[i]);
             highest[i] = std::max(highest[i], point[i]);
         }
     };
@@ -72,7 +73,7 @@ Scale scale_of(const PointsByPeriod& a, const PointsByPeriod& b, const ModelJob&
     Scale scale;
     for (std::size_t i = 0; i < dimension; ++i) {
         scale.range.push_back(highest[i] > lowest[i] ? highest[i] - lowest[i] : 1.0);
-        scale.angle.push_back(catalog::coordinate_of(model, coordinates[i].get<std::string>()).angle);
+        scale.angle.push_back(catalog::coordinate_of(model, coordinates.at(i).get<std::string>()).angle);
     }
     return scale;
 }

@@ -146,8 +146,8 @@ Chart singular_value_chart(const StoredRun& run) {
     ChartLayer points{LayerKind::points, "", 2};
     ChartRange range;
     for (std::size_t i = 0; i < values.size(); ++i) {
-        if (!values[i].is_number() || !(values[i].get<double>() > 0.0)) continue;
-        points.add(static_cast<double>(i + 1), values[i].get<double>());
+        if (!values.at(i).is_number() || !(values.at(i).get<double>() > 0.0)) continue;
+        points.add(static_cast<double>(i + 1), values.at(i).get<double>());
         points.labels.push_back(fmt::format("direction {}", i + 1));
         range.include(points.y.back());
     }

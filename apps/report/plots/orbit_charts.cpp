@@ -35,8 +35,8 @@ std::map<int, PeriodPoints> points_by_period(const Json& cycles) {
         ++out.orbits;
         const Json& points = cycle.at("points");
         for (std::size_t j = 0; j < points.size(); ++j) {
-            out.x.push_back(points[j].at(0).get<double>());
-            out.y.push_back(points[j].at(1).get<double>());
+            out.x.push_back(points.at(j).at(0).get<double>());
+            out.y.push_back(points.at(j).at(1).get<double>());
             out.labels.push_back(fmt::format("cycle {}, point {} of {}, largest |multiplier| {:.4g}", number, j + 1,
                                              points.size(), largest_multiplier(cycle)));
         }
@@ -48,8 +48,9 @@ std::map<int, PeriodPoints> points_by_period(const Json& cycles) {
 double squared_distance(const Json& cycle, const Json& orbit) {
     double distance = 0.0;
     for (std::size_t j = 0; j < cycle.at("points").size(); ++j) {
-        for (std::size_t i = 0; i < cycle["points"][j].size(); ++i) {
-            const double step = cycle["points"][j][i].get<double>() - orbit.at("points").at(j).at(i).get<double>();
+        for (std::size_t i = 0; i < cycle.at("points").at(j).size(); ++i) {
+            const double step =
+                cycle.at("points").at(j).at(i).get<double>() - orbit.at("points").at(j).at(i).get<double>();
             distance += step * step;
         }
     }
@@ -79,7 +80,7 @@ std::map<int, std::vector<Growth>> growths(const StoredRun& run) {
     for (std::size_t o = 0; o < computed.size(); ++o) {
         if (is_left_out(computed[o])) continue;
         for (std::size_t c = 0; c < measured.size(); ++c)
-            if (measured[c].at("period") == computed[o].at("period"))
+            if (measured.at(c).at("period") == computed.at(o).at("period"))
                 pairs.push_back({squared_distance(measured[c], computed[o]), c, o});
         if (measured.empty()) add(computed[o], {o, std::nan(""), std::nan(""), largest_multiplier(computed[o])});
     }
@@ -101,8 +102,8 @@ BranchBands predicted_bands(const StoredRun& run) {
     const Json& points = block_at(branch, "points");
     int sheet = 0;
     for (std::size_t k = 0; k < points.size(); ++k) {
-        const int own = points[k].at("sheet").get<int>();
-        for (const auto& [name, band] : points[k].at("quantities").items()) {
+        const int own = points.at(k).at("sheet").get<int>();
+        for (const auto& [name, band] : points.at(k).at("quantities").items()) {
             const bool shown =
                 name == "frequency" || !block_at(run.prediction, "measured").empty() || name.ends_with(".half_range");
             if (!shown || name == "multiplier") continue;
@@ -113,7 +114,7 @@ BranchBands predicted_bands(const StoredRun& run) {
                 if (list.empty() || !list.back().x.empty()) list.emplace_back();
             }
             if (!std::isfinite(lower)) continue;
-            list.back().x.push_back(number_at(points[k], "parameter"));
+            list.back().x.push_back(number_at(points.at(k), "parameter"));
             list.back().lower.push_back(lower);
             list.back().upper.push_back(upper);
         }
@@ -130,7 +131,7 @@ std::optional<std::pair<std::size_t, OrbitMeasure>> measure_named(const Json& co
     for (int m = 0; m < static_cast<int>(OrbitMeasure::frequency); ++m)
         for (std::size_t i = 0; i < coordinates.size(); ++i) {
             const auto measure = static_cast<OrbitMeasure>(m);
-            if (name == coordinates[i].get<std::string>() + "." + periodic::name_of(measure))
+            if (name == coordinates.at(i).get<std::string>() + "." + periodic::name_of(measure))
                 return std::pair{i, measure};
         }
     return std::nullopt;
@@ -167,7 +168,8 @@ Chart cycle_chart(const StoredRun& run) {
     const ModelJob model = stored_model(run);
     SectionPicture picture;
     for (std::size_t i = 0; i < 2; ++i)
-        picture.section.coordinates[i] = catalog::coordinate_of(model, list->at("coordinates")[i].get<std::string>());
+        picture.section.coordinates[i] =
+            catalog::coordinate_of(model, list->at("coordinates").at(i).get<std::string>());
     picture.periods = points_by_period(cycles);
     picture.title = "Periodic points by period";
     picture.description = fmt::format("points of {} periodic orbits, by period", cycles.size());
@@ -251,12 +253,12 @@ Chart branch_chart(const StoredRun& run) {
     };
     const auto add_coordinate = [&](std::size_t i) {
         picture.shown = static_cast<Eigen::Index>(i);
-        picture.coordinate = catalog::coordinate_of(model, coordinates[i].get<std::string>());
+        picture.coordinate = catalog::coordinate_of(model, coordinates.at(i).get<std::string>());
         add_view();
     };
     const auto add_measure = [&](std::size_t i, OrbitMeasure measure) {
         picture.shown = static_cast<Eigen::Index>(i);
-        picture.coordinate = catalog::coordinate_of(model, coordinates[i].get<std::string>());
+        picture.coordinate = catalog::coordinate_of(model, coordinates.at(i).get<std::string>());
         show_measure(measure, picture);
         add_view();
         picture.measure.reset();

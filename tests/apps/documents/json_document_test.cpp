@@ -56,4 +56,53 @@ TEST_CASE("pointers escape as RFC 6901 says", "[apps][json]") {
     CHECK(child_pointer("/a", "b/c~d") == "/a/b~1c~0d");
 }
 
+TEST_CASE("as many values as the limit are read, one more is refused", "[apps][json]") {
+    // [0,0,...,0]: the list is a value itself.
+    const auto list = [](std::size_t values) {
+        std::string text = "[";
+        for (std::size_t i = 1; i + 1 < values; ++i)
+            text += "0,";
+        return text + "0]";
+    };
+    CHECK(parse_json(list(most_json_values)).root);
+    const auto refused = parse_json(list(most_json_values + 1));
+    CHECK_FALSE(refused.root);
+    REQUIRE(refused.problems.size() == 1);
+    CHECK(refused.problems[0].rule == "more than 4000000 values");
+}
+
+TEST_CASE("of many keys the one that comes twice is found", "[apps][json]") {
+    std::string text = "{";
+    for (int i = 0; i < 100; ++i)
+        text += "\"k" + std::to_string(i) + "\": 1,\n";
+    const auto document = parse_json(text + "\"k70\": 2, \"k3\": 3}");
+    REQUIRE(document.problems.size() == 2);
+    CHECK(document.problems[0].rule == "duplicate key, first given in line 71, column 1");
+    CHECK(document.problems[1].rule == "duplicate key, first given in line 4, column 1");
+}
+
+TEST_CASE("a comment ends with its line, however that ends", "[apps][json]") {
+    using std::string_literals::operator""s;
+    for (const std::string& text :
+         {"// a\n{\"k\": 1}"s, "// a\r{\"k\": 1}"s, "// a\r\n{\"k\": 1}"s, "// a\0{\"k\": 1}"s}) {
+        const auto document = parse_json(text);
+        REQUIRE(document.root);
+        REQUIRE(document.root->members.size() == 1);
+        CHECK(document.root->members[0].key == "k");
+    }
+    CHECK_FALSE(parse_json("///{/{pl\0"s + "5pl5").root);
+}
+
+TEST_CASE("nesting is counted outside of strings and comments", "[apps][json]") {
+    const std::string deep(deepest_json, '[');
+    CHECK_FALSE(is_nested_too_deep(deep));
+    CHECK(is_nested_too_deep(deep + "["));
+    CHECK(is_nested_too_deep(deep + "{"));
+    CHECK(is_nested_too_deep("/* \" */" + deep + "["));
+    CHECK(is_nested_too_deep("// \"\n" + deep + "["));
+    CHECK(is_nested_too_deep("\"\\\"\"" + deep + "["));
+    CHECK_FALSE(is_nested_too_deep("\"" + deep + "[\""));
+    CHECK_FALSE(is_nested_too_deep("/*" + deep + "[*/ 1"));
+}
+
 }  // namespace json_document_test

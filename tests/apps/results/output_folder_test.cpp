@@ -65,5 +65,22 @@ TEST_CASE("a file where the folder should be is an error, with force too", "[app
                       ContainsSubstring("is not a folder"));
 }
 
+TEST_CASE("two runs never write into one folder, with force neither", "[apps]") {
+    const TemporaryFolder folder;
+    const auto out = folder.path() / "out";
+    {
+        const apps::OutputFolder first(out, job, job.dump(), false);
+        CHECK(first.is_locked());
+        for (const bool force : {false, true})
+            CHECK_THROWS_WITH(apps::OutputFolder(out, job, job.dump(), force),
+                              ContainsSubstring("cannot store results in " + out.string() + ": process ") &&
+                                  ContainsSubstring(" since ") && ContainsSubstring("choose another --out"));
+    }
+    CHECK_FALSE(std::filesystem::exists(out));  // nothing was stored
+    apps::OutputFolder second(out, job, job.dump(), false);
+    second.store("result.json", "{}");
+    CHECK(apps::read_whole_file(out / "result.json") == "{}");
+}
+
 }  // namespace
 }  // namespace orbid::output_folder_test

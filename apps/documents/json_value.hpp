@@ -1,0 +1,43 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/documents/json_document.hpp"
+
+namespace orbid::apps {
+
+/// A text is no JSON that can be taken in; what() = "3:17: /estimates/0: number overflow parsing '1e999'".
+class JsonRefused : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// What parse_json() says of a text first, with its place; for one that it accepts, that it is not JSON.
+[[nodiscard]] std::string json_refusal(std::string_view text);
+
+/// A text as a value of nlohmann's library, which by itself lets through what later ends the program: nesting that
+/// exhausts the stack.
+///
+/// @param comments  whether // and /* */ may stand in it, as in jobs.
+/// @throws JsonRefused: syntax, numbers beyond the range of a double, more than `deepest_json` levels, no UTF-8.
+template <class Json = nlohmann::json>
+[[nodiscard]] Json json_value(std::string_view text, bool comments = false) {
+    if (is_nested_too_deep(text)) throw JsonRefused(json_refusal(text));
+    try {
+        return Json::parse(text, nullptr, true, comments);
+    } catch (const nlohmann::json::exception&) {
+        throw JsonRefused(json_refusal(text));
+    }
+}
+
+/// The same; a text that is refused gives a value that is discarded (`is_discarded()`).
+template <class Json = nlohmann::json>
+[[nodiscard]] Json json_value_or_discarded(std::string_view text, bool comments = false) {
+    if (is_nested_too_deep(text)) return Json(nlohmann::json::value_t::discarded);
+    return Json::parse(text, nullptr, false, comments);
+}
+
+}  // namespace orbid::apps
