@@ -98,13 +98,58 @@ SearchedSection section_of(const Workspace& work, const orbits::Series& series) 
     return section;
 }
 
+/// Whether an estimate uses the job's cycles in none but stages that are run if needed.
+bool are_cycles_optional(const Job& job) {
+    if (!job.estimate || !is_section_search(job) || job.orbits->always || job.orbits->invariants) return false;
+    const auto& stages = job.estimate->strategy;
+    const auto uses_cycles = [](const StageJob& stage) { return stage.uses(identification::ResidualType::cycles); };
+    const bool of_waveforms = job.estimate->waveform && job.estimate->waveform->of_cycles;
+    return !of_waveforms && std::any_of(stages.begin(), stages.end(), uses_cycles) &&
+           std::all_of(stages.begin(), stages.end(),
+                       [&](const StageJob& stage) { return stage.if_needed || !uses_cycles(stage); });
+}
+
+void store_picture(const Workspace& work, const orbits::Series& section, const orbits::CycleSearch& search) {
+    if (section.dimension() < 2) return;
+    SectionPicture picture{section_points(section), {}, work.job.title, ""};
+    if (work.job.title.empty()) picture.title = "Section and periodic points";
+    for (const orbits::Cycle& cycle : search.cycles)
+        picture.add_orbit(cycle.period, cycle.points);
+    work.folder.store("section.svg", chart_svg(section_chart(picture), picture.title, run_picture_style));
+}
+
+/// The stage of cycles: their list, what it tells, and a picture of the section.
+JobCycles job_cycles(const Workspace& work, const std::vector<Experiment>& data, const Console& console) {
+    const Job& job = work.job;
+    JobCycles cycles;
+    if (is_section_search(job)) cycles.section = section_of(work, data[job.orbits->data].series);
+    cycles.search = load_cycles(work, cycles.section);
+    if (wants(work.options, Stage::orbits)) console.out << cycles_summary(cycles.search);
+    const auto& section = cycles.section;
+    if (section && job.orbits->invariants && !work.interruption.asked())
+        console.out << invariants_summary(compute_invariants(work, *section, cycles.search));
+    if (section) store_picture(work, section->series(), cycles.search);
+    return cycles;
+}
+
+/// The same for an estimate that has come to need cycles. It goes on without, where the record cannot be searched.
+void find_needed_cycles(const Workspace& work, const std::vector<Experiment>& data, const Console& console,
+                        JobCycles& cycles) {
+    try {
+        cycles = job_cycles(work, data, console);
+    } catch (const orbits::DataError& error) {
+        work.progress.end(error.what());
+    }
+}
+
 /// Runs the stages that the command and the job name; the exit code is the worst of theirs.
 int run_stages(const Workspace& work, const Console& console, bool coloured) {
     const Job& job = work.job;
     const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
     const bool from_cycles =
         estimating && (job.estimate->cycles || (job.estimate->waveform && job.estimate->waveform->of_cycles));
-    const bool searching = job.orbits && (wants(work.options, Stage::orbits) || from_cycles);
+    const bool optional = estimating && work.options.stage != Stage::orbits && are_cycles_optional(job);
+    const bool searching = job.orbits && !optional && (wants(work.options, Stage::orbits) || from_cycles);
     const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
                          (estimating && (job.estimate->series || job.estimate->waveform || is_section_search(job)));
     int code = success;
@@ -113,22 +158,10 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
     std::vector<Experiment> data;
     if (loading) data = load_data(work);
 
-    orbits::CycleSearch search;
-    std::optional<SearchedSection> section;
+    JobCycles cycles;
     if (searching && !work.interruption.asked()) {
-        if (is_section_search(job)) section = section_of(work, data[job.orbits->data].series);
-        search = load_cycles(work, section);
-        if (wants(work.options, Stage::orbits)) console.out << cycles_summary(search);
-        if (search.cycles.empty()) code = no_valid_answer;
-        if (section && job.orbits->invariants && !work.interruption.asked())
-            console.out << invariants_summary(compute_invariants(work, *section, search));
-        if (section && section->series().dimension() >= 2) {
-            SectionPicture picture{section_points(section->series()), {}, job.title, ""};
-            if (job.title.empty()) picture.title = "Section and periodic points";
-            for (const orbits::Cycle& cycle : search.cycles)
-                picture.add_orbit(cycle.period, cycle.points);
-            work.folder.store("section.svg", chart_svg(section_chart(picture), picture.title, run_picture_style));
-        }
+        cycles = job_cycles(work, data, console);
+        if (cycles.search.cycles.empty()) code = no_valid_answer;
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {
         const ComputedOrbits orbits = compute_orbits(work);
@@ -142,7 +175,11 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
         }
     }
     if (estimating) {
-        const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
+        std::function<void(JobCycles&)> find;
+        if (optional) find = [&](JobCycles& found) { find_needed_cycles(work, data, console, found); };
+        const EstimateOutcome outcome = run_estimate(work, data, cycles, find);
+        if (optional && !cycles.section && data[job.orbits->data].series.sampling == orbits::Series::Sampling::section)
+            store_picture(work, data[job.orbits->data].series, {});
         console.out << with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured);
         code = std::max(code, exit_code(outcome.estimate));
         // What was asked for and could not be done.

@@ -56,7 +56,7 @@ void add_held(const StructuralReport& structure, std::string& message) {
 
 IdentificationResult identify(const IdentificationProblem& asked, const Options& given, Observer& observer) {
     validate(given);
-    const IdentificationProblem problem = completed(asked);
+    IdentificationProblem problem = completed(asked);
     Options options = given;
     if (options.strategy.empty()) options.strategy = automatic_strategy(problem);
     check_strategy(problem, options.strategy);
@@ -90,6 +90,11 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
                      &starts,
                      {},
                      true};
+    if (problem.measured.find)
+        input.find_cycles = [&] {
+            problem.measured.find(problem.measured);
+            input.search = problem.measured.search;
+        };
     const auto take = [&](const StrategyRun& run) {
         result.stages = run.stages;
         result.estimate = strategy_estimate(run, observer.stopped());

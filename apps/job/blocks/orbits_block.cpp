@@ -202,6 +202,9 @@ FieldTable<OrbitsJob> cycle_search_fields() {
             key("partition", {}, "Names parts of the section, so that cycles get codes."), partition_fields(),
             [](auto& orbits) -> auto& { return orbits.search.partition; }),
         embedding_field(),
+        field(key("always", boolean(), "Cycles are searched for even where the estimate turns out to need none."),
+              &OrbitsJob::always)
+            .written_if([](const OrbitsJob& orbits) { return orbits.always; }),
         {key("invariants", boolean() | object(keys_of(invariants_fields())),
              "Exponents, dimensions and entropies of the series.")
              .by_default(false),
