@@ -56,8 +56,8 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
         context.reference[reference.name] = reference.value;
     if (work.job.model.equations) context.evaluated = work.job.model.compiled ? "compiled" : "interpreted";
     for (const Experiment& experiment : data) {
-        context.data_points += experiment.series.size();
-        context.data_segments += experiment.series.segments.size();
+        context.data_points += experiment.points();
+        context.data_segments += experiment.segments();
         context.captured.insert(context.captured.end(), experiment.captured.begin(), experiment.captured.end());
     }
     count_cycles(search, context);

@@ -11,8 +11,6 @@
 
 #include <fmt/format.h>
 
-#include "apps/drawing/chart_picture.hpp"
-#include "apps/drawing/section_plot.hpp"
 #include "apps/estimation/estimate_stage.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
@@ -24,18 +22,16 @@
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/colour.hpp"
 #include "apps/program/command_stored.hpp"
+#include "apps/program/cycle_run.hpp"
 #include "apps/program/summary.hpp"
-#include "apps/results/invariants_file.hpp"
 #include "apps/results/lost_records.hpp"
 #include "apps/results/output_folder.hpp"
 #include "apps/results/periodic_summary.hpp"
 #include "apps/stages/branch_stage.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "apps/stages/interruption.hpp"
-#include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "apps/stages/progress.hpp"
-#include "apps/stages/searched_section.hpp"
 #include "apps/stages/workspace.hpp"
 #include "identification/starts/derivative_self_check.hpp"
 #include "models/system/stopped.hpp"
@@ -67,14 +63,6 @@ private:
     mutable std::atomic<bool> yes_{false};
 };
 
-bool wants(const RunOptions& options, Stage stage) {
-    return options.stage == Stage::all || options.stage == stage;
-}
-
-bool is_section_search(const Job& job) {
-    return job.orbits && !job.orbits->file;
-}
-
 int exit_code(const estimator::Estimate& estimate) {
     if (estimate.status == estimator::EstimateStatus::converged)
         return too_few_used(estimate.counts) ? no_valid_answer : success;
@@ -87,59 +75,6 @@ std::string result_without_estimate() {
     estimate.status = estimator::EstimateStatus::interrupted;
     estimate.message = "interrupted before the estimate";
     return result_text(estimate, {});
-}
-
-/// The section that is searched for cycles, cut from samples if need be.
-SearchedSection section_of(const Workspace& work, const orbits::Series& series) {
-    const RunStop::AtOnce leaving(work.stop);
-    work.progress.within("section of the samples");
-    SearchedSection section = searched_section(work.job, series, work.asking());
-    work.progress.within({});
-    return section;
-}
-
-/// Whether an estimate uses the job's cycles in none but stages that are run if needed.
-bool are_cycles_optional(const Job& job) {
-    if (!job.estimate || !is_section_search(job) || job.orbits->always || job.orbits->invariants) return false;
-    const auto& stages = job.estimate->strategy;
-    const auto uses_cycles = [](const StageJob& stage) { return stage.uses(identification::ResidualType::cycles); };
-    const bool of_waveforms = job.estimate->waveform && job.estimate->waveform->of_cycles;
-    return !of_waveforms && std::any_of(stages.begin(), stages.end(), uses_cycles) &&
-           std::all_of(stages.begin(), stages.end(),
-                       [&](const StageJob& stage) { return stage.if_needed || !uses_cycles(stage); });
-}
-
-void store_picture(const Workspace& work, const orbits::Series& section, const orbits::CycleSearch& search) {
-    if (section.dimension() < 2) return;
-    SectionPicture picture{section_points(section), {}, work.job.title, ""};
-    if (work.job.title.empty()) picture.title = "Section and periodic points";
-    for (const orbits::Cycle& cycle : search.cycles)
-        picture.add_orbit(cycle.period, cycle.points);
-    work.folder.store("section.svg", chart_svg(section_chart(picture), picture.title, run_picture_style));
-}
-
-/// The stage of cycles: their list, what it tells, and a picture of the section.
-JobCycles job_cycles(const Workspace& work, const std::vector<Experiment>& data, const Console& console) {
-    const Job& job = work.job;
-    JobCycles cycles;
-    if (is_section_search(job)) cycles.section = section_of(work, data[job.orbits->data].series);
-    cycles.search = load_cycles(work, cycles.section);
-    if (wants(work.options, Stage::orbits)) console.out << cycles_summary(cycles.search);
-    const auto& section = cycles.section;
-    if (section && job.orbits->invariants && !work.interruption.asked())
-        console.out << invariants_summary(compute_invariants(work, *section, cycles.search));
-    if (section) store_picture(work, section->series(), cycles.search);
-    return cycles;
-}
-
-/// The same for an estimate that has come to need cycles. It goes on without, where the record cannot be searched.
-void find_needed_cycles(const Workspace& work, const std::vector<Experiment>& data, const Console& console,
-                        JobCycles& cycles) {
-    try {
-        cycles = job_cycles(work, data, console);
-    } catch (const orbits::DataError& error) {
-        work.progress.end(error.what());
-    }
 }
 
 /// Runs the stages that the command and the job name; the exit code is the worst of theirs.
@@ -178,8 +113,7 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
         std::function<void(JobCycles&)> find;
         if (optional) find = [&](JobCycles& found) { find_needed_cycles(work, data, console, found); };
         const EstimateOutcome outcome = run_estimate(work, data, cycles, find);
-        if (optional && !cycles.section && data[job.orbits->data].series.sampling == orbits::Series::Sampling::section)
-            store_picture(work, data[job.orbits->data].series, {});
+        if (optional && !cycles.section) store_section(work, data);
         console.out << with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured);
         code = std::max(code, exit_code(outcome.estimate));
         // What was asked for and could not be done.

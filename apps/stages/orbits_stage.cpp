@@ -11,6 +11,7 @@
 #include "apps/results/invariants_file.hpp"
 #include "apps/stages/short_record.hpp"
 #include "apps/stages/workspace.hpp"
+#include "orbits/cycles/streamed_search.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -113,7 +114,8 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         options.progress = [&work](const std::string& part, std::size_t done, std::size_t total) {
             work.progress.at(static_cast<double>(done), fmt::format("part {} of {}: {}", done + 1, total, part));
         };
-        search = orbits::find_cycles(section->series(), options);
+        search = section->stream ? orbits::find_cycles(*section->stream, options, section->memory)
+                                 : orbits::find_cycles(section->series(), options);
     } catch (const orbits::DataError& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
         std::string_view reason = error.what();
@@ -123,7 +125,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
                                             work.job.data[orbits.data].name, reason,
                                             fmt::join(without_cycles(work.job, *section), " ")));
     }
-    if (search.cycles.empty())
+    if (search.cycles.empty() && !section->stream)
         for (std::string& line : without_cycles(work.job, *section))
             search.remarks.push_back(std::move(line));
     search.remarks.insert(search.remarks.begin(), section->choices.begin(), section->choices.end());

@@ -141,6 +141,10 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     if (data.file && data.file->table && data.file->part.windowed() && data.file->time_column.empty() &&
         data.file->step == 0.0)
         object.report("window", "needs the times of the record: name their column in \"columns\", or use \"rows\"");
+    if (data.streamed())
+        for (const char* key : {"rows", "window", "every", "segments", "initial_state"})
+            if (object.find(key))
+                object.report(key, "does not go with \"stream\": all of a stream is read, for cycles only");
     data.observe = describe::readable_coordinates(job, data);
     if (const auto observe = object.find("observe")) describe::read_observe(*observe, job, data);
     const auto inputs = job.model.system ? job.model.system->inputs() : std::span<const models::Coordinate>{};

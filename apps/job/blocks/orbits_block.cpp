@@ -266,6 +266,9 @@ void choose_series(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         object.self().report(
             "the errors of a section cut from samples follow from these: \"reading_error\" must be "
             "\"estimate\"");
+    if (series->streamed() && orbits.invariants)
+        object.report("invariants",
+                      fmt::format("are of records that are read as a whole, but \"{}\" is a stream", series->name));
     if (series->sensor.type == models::Sensor::Type::function)
         object.self().report(fmt::format("cycles read by a sensor \"function\": {}", not_in_this_version));
     if (std::any_of(series + 1, job.data.end(), is(series->sampling())))

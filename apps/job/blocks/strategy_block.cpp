@@ -15,8 +15,9 @@ using Kind = StageJob::Kind;
 /// Stages that stand beside those of residuals.
 const std::vector<std::string> other_stages{"prediction", "harvest"};
 
+/// In a record that later stages can read again.
 bool is_searched(const Job& job) {
-    return job.orbits && !job.orbits->file;
+    return job.orbits && !job.orbits->file && !job.data[job.orbits->data].streamed();
 }
 
 bool is_read_by_formulas(const Job& job, const EstimateJob& estimate) {
@@ -54,12 +55,12 @@ StageJob prediction_stage(const ValueReader& item, const Job& job, const Estimat
     if (is_read_by_formulas(job, estimate))
         item.report("a prediction begins at states that readings say: those by formulas say none");
     else if (!has_readings(job, estimate))
-        item.report("needs a series: a residual of type series, or \"orbits\" that are searched for");
+        item.report("needs a series: a residual of type series, or \"orbits\" that are searched for, not in a stream");
     return {Kind::prediction, {}};
 }
 
 StageJob harvest_stage(const ValueReader& item, const Job& job, const EstimateJob& estimate) {
-    if (!is_searched(job)) item.report("needs \"orbits\" that are searched for in a series");
+    if (!is_searched(job)) item.report("needs \"orbits\" that are searched for in a series, which is no stream");
     if (!has_stage(estimate, [](const StageJob& one) { return one.uses(ResidualType::cycles); }))
         item.report("must come after \"cycles\": it looks for what their estimate points to");
     return {Kind::harvest, {ResidualType::cycles}};

@@ -61,10 +61,12 @@ public:
             job_.data[i].file ? reading(i) : simulation(i);
         if (job_.orbits && !job_.orbits->file) {
             const double seconds = search_seconds();
+            const DataJob& data = job_.data[job_.orbits->data];
+            double memory = search_copies * amounts_.points(job_.orbits->data) * n_ * bytes;
+            if (data.streamed()) memory = std::min(memory, megabyte * data.file->stream_memory);
+            if (!is_clean(data)) memory += noisy_search_bytes;
             add("orbits", fmt::format("{:.0f} points, periods {}", amounts_.points(job_.orbits->data), periods_text()),
-                search_copies * amounts_.points(job_.orbits->data) * n_ * bytes +
-                    (is_clean(job_.data[job_.orbits->data]) ? 0.0 : noisy_search_bytes),
-                seconds);
+                memory, seconds);
         }
         if (job_.periodic) periodic();
         if (job_.estimate) estimate();
@@ -92,7 +94,7 @@ private:
         const std::size_t segments = amounts_.segments(index);
         add("read",
             fmt::format("{:.0f} points in {} segment{}", amounts_.points(index), segments, segments == 1 ? "" : "s"),
-            amounts_.points(index) * n_ * bytes, size * seconds_per_byte);
+            job_.data[index].streamed() ? 0.0 : amounts_.points(index) * n_ * bytes, size * seconds_per_byte);
     }
 
     void simulation(std::size_t index) {
@@ -118,7 +120,8 @@ private:
         // Samples are cut: a motion crosses a plane, or its phase returns, once in so many.
         const bool cut = data.sampling() == orbits::Series::Sampling::samples;
         const double searched = amounts_.points(job_.orbits->data) / (cut ? samples_per_crossing : 1.0);
-        const double point = is_clean(data) ? clean_search : noisy_search;
+        // One map fitted to all is for a hundred thousand points, no more.
+        const double point = is_clean(data) || searched > 262144.0 ? clean_search : noisy_search;
         return (searched * point + periods * search_per_period) / threads_;
     }
 
