@@ -46,6 +46,11 @@ StructuralReport examined_structure(const IdentificationProblem& problem, Estima
     return report;
 }
 
+void find_cycles(MeasuredCycles& measured, StageInput& input) {
+    measured.find(measured);
+    input.search = measured.search;
+}
+
 void add_held(const StructuralReport& structure, std::string& message) {
     for (const UndeterminedDirection& direction : structure.directions)
         message +=
@@ -90,11 +95,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
                      &starts,
                      {},
                      true};
-    if (problem.measured.find)
-        input.find_cycles = [&] {
-            problem.measured.find(problem.measured);
-            input.search = problem.measured.search;
-        };
+    if (problem.measured.find) input.find_cycles = [&] { find_cycles(problem.measured, input); };
     const auto take = [&](const StrategyRun& run) {
         result.stages = run.stages;
         result.estimate = strategy_estimate(run, observer.stopped());

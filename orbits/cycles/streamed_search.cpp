@@ -214,6 +214,42 @@ void replace(const std::vector<Cycle>& found, std::size_t old, Refined& cycles) 
     }
 }
 
+// Every cycle found, refined on all points near it: as many of them per reading of the record as fit into memory.
+void refine_all(const SeriesStream& record, const CycleSearchOptions& options, const Eigen::VectorXd& scale,
+                const std::vector<Start>& starts, std::size_t fitting, CycleSearch& search) {
+    // Values and the list they are collected in, then the points and their grid: six times the points kept.
+    const std::size_t most = fitting * copies / 6;
+    const double share = static_cast<double>(fitting) / static_cast<double>(record.size());
+    const double near_each = std::max(static_cast<double>(near_points), static_cast<double>(least_neighbours) / share);
+    std::vector<Cycle> cycles;
+    std::size_t readings = 0;
+    for (std::size_t first = 0; first < starts.size(); ++readings) {
+        // Twice the expected number: the stretches tell the density roughly. A point, its image and a gap.
+        double expected = 0.0;
+        std::size_t last = first;
+        while (last < starts.size() && (last == first || expected < static_cast<double>(most)))
+            expected += 2.0 * 3.0 * near_each * static_cast<double>(starts[last++].draft.points.cols());
+        if (options.progress)
+            options.progress(fmt::format("cycle {} of {}, refined on the whole record", first + 1, starts.size()),
+                             first, starts.size());
+        const std::vector<Start> some(starts.begin() + static_cast<std::ptrdiff_t>(first),
+                                      starts.begin() + static_cast<std::ptrdiff_t>(last));
+        std::vector<Refined> answers = refined(record, options, scale, some, most);
+        for (std::size_t i = 0; i < answers.size(); ++i) {
+            replace(search.cycles, some[i].cycle, answers[i]);
+            const std::size_t place = cycles.size(), count = answers[i].size();
+            for (std::size_t c = 0; c < count; ++c) {
+                if (answers[i][c].mirror) answers[i][c].mirror = place + (count - 1 - c);
+                cycles.push_back(std::move(answers[i][c]));
+            }
+        }
+        first = last;
+    }
+    search.cycles = std::move(cycles);
+    search.remarks.push_back(
+        fmt::format("Cycles were refined on all points near them, read in {} passes over the record.", readings));
+}
+
 }  // namespace
 
 CycleSearch find_cycles(const SeriesStream& record, const CycleSearchOptions& options, std::size_t memory) {
@@ -249,37 +285,7 @@ CycleSearch find_cycles(const SeriesStream& record, const CycleSearchOptions& op
         starts = starts_of(sample, options, search, share);
         scale = sample.scale();
     }
-    // Values and the list they are collected in, then the points and their grid: six times the points kept.
-    const std::size_t most = fitting * copies / 6;
-    const double near_each = std::max(static_cast<double>(near_points), static_cast<double>(least_neighbours) / share);
-    std::vector<Cycle> cycles;
-    std::size_t readings = 0;
-    for (std::size_t first = 0; first < starts.size();) {
-        // Twice the expected number: the stretches tell the density roughly. A point, its image and a gap.
-        double expected = 0.0;
-        std::size_t last = first;
-        while (last < starts.size() && (last == first || expected < static_cast<double>(most)))
-            expected += 2.0 * 3.0 * near_each * static_cast<double>(starts[last++].draft.points.cols());
-        if (options.progress)
-            options.progress(fmt::format("cycle {} of {}, refined on the whole record", first + 1, starts.size()),
-                             first, starts.size());
-        const std::vector<Start> some(starts.begin() + static_cast<std::ptrdiff_t>(first),
-                                      starts.begin() + static_cast<std::ptrdiff_t>(last));
-        std::vector<Refined> answers = refined(record, options, scale, some, most);
-        ++readings;
-        for (std::size_t i = 0; i < answers.size(); ++i) {
-            replace(search.cycles, some[i].cycle, answers[i]);
-            const std::size_t place = cycles.size(), count = answers[i].size();
-            for (std::size_t c = 0; c < count; ++c) {
-                if (answers[i][c].mirror) answers[i][c].mirror = place + (count - 1 - c);
-                cycles.push_back(std::move(answers[i][c]));
-            }
-        }
-        first = last;
-    }
-    search.cycles = std::move(cycles);
-    search.remarks.push_back(
-        fmt::format("Cycles were refined on all points near them, read in {} passes over the record.", readings));
+    refine_all(record, options, scale, starts, fitting, search);
     return search;
 }
 
