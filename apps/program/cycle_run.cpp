@@ -1,12 +1,10 @@
 #include "apps/program/cycle_run.hpp"
 
-#include <algorithm>
 #include <ostream>
 
 #include "apps/drawing/chart_picture.hpp"
 #include "apps/drawing/section_plot.hpp"
 #include "apps/job/data_job.hpp"
-#include "apps/job/estimate_job.hpp"
 #include "apps/job/orbits_job.hpp"
 #include "apps/program/summary.hpp"
 #include "apps/results/invariants_file.hpp"
@@ -47,16 +45,6 @@ bool wants(const RunOptions& options, Stage stage) {
 
 bool is_section_search(const Job& job) {
     return job.orbits && !job.orbits->file;
-}
-
-bool are_cycles_optional(const Job& job) {
-    if (!job.estimate || !is_section_search(job) || job.orbits->always || job.orbits->invariants) return false;
-    const auto& stages = job.estimate->strategy;
-    const auto uses_cycles = [](const StageJob& stage) { return stage.uses(identification::ResidualType::cycles); };
-    const bool of_waveforms = job.estimate->waveform && job.estimate->waveform->of_cycles;
-    return !of_waveforms && std::any_of(stages.begin(), stages.end(), uses_cycles) &&
-           std::all_of(stages.begin(), stages.end(),
-                       [&](const StageJob& stage) { return stage.if_needed || !uses_cycles(stage); });
 }
 
 JobCycles job_cycles(const Workspace& work, const std::vector<Experiment>& data, const Console& console) {

@@ -16,9 +16,6 @@ namespace orbid::apps {
 /// Whether cycles are searched for, not read from a file.
 [[nodiscard]] bool is_section_search(const Job& job);
 
-/// Whether an estimate uses the job's cycles in none but stages that are run if needed.
-[[nodiscard]] bool are_cycles_optional(const Job& job);
-
 /// The stage of cycles: their list, what it tells, and a picture of the section.
 /// @throws orbits::DataError, StaleFile as load_cycles() does.
 [[nodiscard]] JobCycles job_cycles(const Workspace& work, const std::vector<Experiment>& data, const Console& console);

@@ -30,6 +30,7 @@
 #include "apps/stages/branch_stage.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "apps/stages/interruption.hpp"
+#include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "apps/stages/progress.hpp"
 #include "apps/stages/workspace.hpp"

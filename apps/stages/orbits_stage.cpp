@@ -58,6 +58,16 @@ orbits::CycleSearch from_file(const Workspace& work) {
 
 }  // namespace
 
+bool are_cycles_optional(const Job& job) {
+    if (!job.estimate || !job.orbits || job.orbits->file || job.orbits->always || job.orbits->invariants) return false;
+    const auto& stages = job.estimate->strategy;
+    const auto uses_cycles = [](const StageJob& stage) { return stage.uses(identification::ResidualType::cycles); };
+    const bool of_waveforms = job.estimate->waveform && job.estimate->waveform->of_cycles;
+    return !of_waveforms && std::any_of(stages.begin(), stages.end(), uses_cycles) &&
+           std::all_of(stages.begin(), stages.end(),
+                       [&](const StageJob& stage) { return stage.if_needed || !uses_cycles(stage); });
+}
+
 CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
     CycleFileHead head;
     head.model = job.model.name;
