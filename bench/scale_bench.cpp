@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -107,12 +108,14 @@ int main(int argc, char** argv) {
     const auto points = static_cast<double>(series.size());
     const double data = points * 8.0 * static_cast<double>(series.dimension());
     orbits::CycleSearch search;
+    std::clock_t processor = std::clock();
     if (megabytes > 0.0) {
         const auto file = std::filesystem::temp_directory_path() / "scale_bench.h5";
         write_hdf5(file, series);
         series = {};
         std::ofstream("/proc/self/clear_refs") << 5;  // the highest memory from here on
         start = std::chrono::steady_clock::now();
+        processor = std::clock();
         search = find_cycles(*orbits::stream_hdf5(file), options, static_cast<std::size_t>(1e6 * megabytes));
         std::filesystem::remove(file);
         for (const std::string& remark : search.remarks)
@@ -122,11 +125,13 @@ int main(int argc, char** argv) {
         search = find_cycles(series, options);
     }
     const double analysis = seconds(start);
+    const double of_processor = static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC;
     std::printf(
-        "%s: %.0f points, simulated in %.2f s; search %.2f s, %.0f ns per point; memory %.0f MB, %.2f x the series "
+        "%s: %.0f points, simulated in %.2f s; search %.2f s (processor %.2f s), %.0f ns per point; memory %.0f MB, "
+        "%.2f x the series "
         "(simulated %.2f x); cycles",
-        name.c_str(), points, simulation, analysis, 1e9 * analysis / points, 1e-6 * (memory("VmHWM:") - before),
-        (memory("VmHWM:") - before) / data, simulated / data);
+        name.c_str(), points, simulation, analysis, of_processor, 1e9 * analysis / points,
+        1e-6 * (memory("VmHWM:") - before), (memory("VmHWM:") - before) / data, simulated / data);
     for (const int period : options.periods) {
         int cycles = 0;
         for (const auto& cycle : search.cycles)
