@@ -84,8 +84,10 @@ void read_needed_stages(const ValueReader& item, const Job& job, std::vector<Res
     if (!list) return;
     if (!has_stage(estimate, [](const StageJob& one) { return one.is_series(); }))
         item.report("needs a stage \"series\" before it, which may be enough");
-    std::erase(used, ResidualType::series);
-    read_list(*list, job, true, used, estimate);
+    std::vector<ResidualType> again = used;
+    std::erase(again, ResidualType::series);
+    read_list(*list, job, true, again, estimate);
+    used.insert(used.end(), again.begin(), again.end());
 }
 
 void read_list(const ValueReader& value, const Job& job, bool if_needed, std::vector<ResidualType>& used,

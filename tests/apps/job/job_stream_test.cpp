@@ -1,6 +1,7 @@
 // Records that are read piece by piece: what is read, written, refused, and what a run makes of them.
 
 #include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
 #include "apps/job/writing/job_writer.hpp"
 #include "tests/apps/job/job_problems.hpp"
