@@ -79,7 +79,7 @@ void read_list(const ValueReader& value, const Job& job, bool if_needed, std::ve
 void read_needed_stages(const ValueReader& item, const Job& job, std::vector<ResidualType>& used,
                         EstimateJob& estimate) {
     ObjectReader object(item);
-    const auto list = object.require("if_needed", "[ \"cycles\", \"series\" ], for example");
+    const auto list = object.find("if_needed");
     object.finish();
     if (!list) return;
     if (!has_stage(estimate, [](const StageJob& one) { return one.is_series(); }))
@@ -125,6 +125,7 @@ void read_list(const ValueReader& value, const Job& job, bool if_needed, std::ve
 void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate) {
     std::vector<ResidualType> used;
     read_list(value, job, false, used, estimate);
+    if (!value.sound()) return;
     for (const ResidualType type : estimate.residual_types()) {
         if (std::find(used.begin(), used.end(), type) != used.end()) continue;
         value.report(fmt::format("must name every type of \"residuals\": there is no \"{}\"",

@@ -144,7 +144,7 @@ TEST_CASE("strategies that cannot be meant are refused with place and rule", "[a
             "/strategy/2: must not follow the stages that are run if needed");
     refused(both + R"("strategy": ["series", { "if_needed": ["cycles", "cycles"] }])",
             "/strategy/1/if_needed/1: \"cycles\" is listed twice");
-    refused(both + R"("strategy": ["series", { "needed": ["cycles"] }])", "/strategy/1: unknown key \"needed\"");
+    refused(both + R"("strategy": ["series", {}])", "/strategy/1: \"if_needed\" is missing");
     refused(cycles + R"("scan": true)", "/scan: belongs to the stage \"prediction\"");
     refused(R"("strategy": "auto", "scan": 1)", "/scan: must be true or false");
     refused(R"("strategy": "auto", "multi_start": { "starts": 3 })",

@@ -78,13 +78,13 @@ TEST_CASE("streams are read and written", "[apps][job]") {
 }
 
 TEST_CASE("what a stream cannot do is refused with place and rule", "[apps][job]") {
-    refused(stream_job(R"("stream": { "memory": 1 })"), "/data/stream/memory: must be at least 16");
-    refused(stream_job(R"("stream": 5)"), "/data/stream: must be true or false");
+    refused(stream_job(R"("stream": { "memory": 1 })"), "/data/stream/memory: must be >= 16");
+    refused(stream_job(R"("stream": 5)"), "/data/stream: must be true, false or");
     refused(stream_job(R"("stream": true, "rows": [1, 5])"),
             "/data/rows: does not go with \"stream\": all of a stream is read, for cycles only");
     refused(stream_job(R"("stream": true)", "", R"("periods": [1], "invariants": true)"),
             "/orbits/invariants: are of records that are read as a whole, but \"run1\" is a stream");
-    const std::string estimate = R"("estimate": { "parameters": { "b": { "start": 0.3 } }, )";
+    const std::string estimate = R"("estimate": { "parameters": { "beta": { "start": 0.3 } }, )";
     refused(stream_job(R"("stream": true)", estimate + R"("residuals": [ { "type": "series" } ] })"),
             "/estimate/residuals/0: needs an entry of \"data\", no stream");
     refused(stream_job(R"("stream": true)",
