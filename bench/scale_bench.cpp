@@ -1,16 +1,22 @@
 // Time per point and memory of the search for cycles as the series grows: Henon's map and the pendulum's section.
 //   scale_bench [henon | pendulum] [number of points, default 1e6] [largest period, default 5] [box, default 0.1]
+//               [memory in MB: the series is written to a file and streamed from there]
 // Memory is the highest of the whole program, the series included, as a multiple of the series' own.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
+#include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "models/catalogue/registry.hpp"
 #include "orbits/cycles/cycle_search.hpp"
+#include "orbits/cycles/streamed_search.hpp"
+#include "orbits/records/series_file.hpp"
+#include "orbits/records/series_stream.hpp"
 
 namespace {
 
@@ -77,9 +83,11 @@ int main(int argc, char** argv) {
     const double asked = argc > 2 ? std::atof(argv[2]) : 1e6;
     const int longest = argc > 3 ? std::atoi(argv[3]) : 5;
     const double box = argc > 4 ? std::atof(argv[4]) : 0.1;
+    const double megabytes = argc > 5 ? std::atof(argv[5]) : 0.0;
     if (!(asked >= 1e4 && asked <= 1e9) || !(longest >= 1 && longest <= 64) || !(box > 0.0 && box < 0.5) ||
         (name != "henon" && name != "pendulum")) {
-        std::fprintf(stderr, "scale_bench [henon | pendulum] [number of points, 1e4 to 1e9] [largest period] [box]\n");
+        std::fprintf(stderr,
+                     "scale_bench [henon | pendulum] [number of points, 1e4 to 1e9] [largest period] [box] [MB]\n");
         return 2;
     }
     const auto system = models::make_system("parametric_pendulum");
@@ -99,14 +107,31 @@ int main(int argc, char** argv) {
     if (name == "pendulum") options.symmetry_signs = system->symmetry()->signs;
     const auto points = static_cast<double>(series.size());
     const double data = points * 8.0 * static_cast<double>(series.dimension());
-    start = std::chrono::steady_clock::now();
-    const orbits::CycleSearch search = find_cycles(series, options);
+    orbits::CycleSearch search;
+    std::clock_t processor = std::clock();
+    if (megabytes > 0.0) {
+        const auto file = std::filesystem::temp_directory_path() / "scale_bench.h5";
+        write_hdf5(file, series);
+        series = {};
+        std::ofstream("/proc/self/clear_refs") << 5;  // the highest memory from here on
+        start = std::chrono::steady_clock::now();
+        processor = std::clock();
+        search = find_cycles(*orbits::stream_hdf5(file), options, static_cast<std::size_t>(1e6 * megabytes));
+        std::filesystem::remove(file);
+        for (const std::string& remark : search.remarks)
+            std::printf("%s\n", remark.c_str());
+    } else {
+        start = std::chrono::steady_clock::now();
+        search = find_cycles(series, options);
+    }
     const double analysis = seconds(start);
+    const double of_processor = static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC;
     std::printf(
-        "%s: %.0f points, simulated in %.2f s; search %.2f s, %.0f ns per point; memory %.0f MB, %.2f x the series "
+        "%s: %.0f points, simulated in %.2f s; search %.2f s (processor %.2f s), %.0f ns per point; memory %.0f MB, "
+        "%.2f x the series "
         "(simulated %.2f x); cycles",
-        name.c_str(), points, simulation, analysis, 1e9 * analysis / points, 1e-6 * (memory("VmHWM:") - before),
-        (memory("VmHWM:") - before) / data, simulated / data);
+        name.c_str(), points, simulation, analysis, of_processor, 1e9 * analysis / points,
+        1e-6 * (memory("VmHWM:") - before), (memory("VmHWM:") - before) / data, simulated / data);
     for (const int period : options.periods) {
         int cycles = 0;
         for (const auto& cycle : search.cycles)

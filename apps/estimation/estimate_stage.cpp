@@ -56,8 +56,8 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
         context.reference[reference.name] = reference.value;
     if (work.job.model.equations) context.evaluated = work.job.model.compiled ? "compiled" : "interpreted";
     for (const Experiment& experiment : data) {
-        context.data_points += experiment.series.size();
-        context.data_segments += experiment.series.segments.size();
+        context.data_points += experiment.points();
+        context.data_segments += experiment.segments();
         context.captured.insert(context.captured.end(), experiment.captured.begin(), experiment.captured.end());
     }
     count_cycles(search, context);
@@ -272,12 +272,25 @@ void explore(const Workspace& work, const IdentificationProblem& problem, JobObs
 
 }  // namespace
 
-EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data, const SearchedSection* section,
-                             const orbits::CycleSearch& search) {
+EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data, JobCycles& cycles,
+                             const std::function<void(JobCycles&)>& find) {
     EstimateOutcome outcome;
     IdentificationProblem problem = identification_problem(work.job, data);
-    add_measured_cycles(work.job, section, search, problem);
-    describe_data(work, data, search, outcome.context);
+    const auto add_cycles = [&] {
+        add_measured_cycles(work.job, cycles.section ? &*cycles.section : nullptr, cycles.search, problem);
+    };
+    add_cycles();
+    if (find)
+        problem.measured.find = [&](identification::MeasuredCycles& measured) {
+            find(cycles);
+            add_cycles();
+            measured.search = problem.measured.search;
+            measured.section = problem.measured.section;
+            measured.options = problem.measured.options;
+            count_cycles(cycles.search, outcome.context);
+            outcome.context.orbits_missing = cycles.search.missing;
+        };
+    describe_data(work, data, cycles.search, outcome.context);
     JobObserver observer(work, problem, outcome);
     for (const auto& parameter : observer.setup().parameters)
         outcome.context.posterior.parameters.push_back(parameter.name);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <vector>
 
 #include "apps/results/result_file.hpp"
@@ -17,13 +19,20 @@ struct EstimateOutcome {
     ResultContext context;
 };
 
+/// Cycles that an estimate may use.
+struct JobCycles {
+    std::optional<SearchedSection>
+        section;                 ///< that was searched for them; nothing: they come from a file, or none are
+    orbits::CycleSearch search;  ///< empty when no residual needs them
+};
+
 /// Estimates the job's parameters from its residuals, stores result.json and residuals.csv (and orbits.json, the orbits
 /// computed from cycles, unless the job's "periodic" block fills that).
 ///
-/// @param section  the section searched for cycles; nullptr: none.
-/// @param search   cycles of the orbits stage; empty when no residual needs them.
+/// @param cycles  of the orbits stage.
+/// @param find    fills in `cycles` once a stage needs them, which may be never; empty: they are there.
 /// @throws orbits::DataError when the data do not suffice for the residuals.
 [[nodiscard]] EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment>& data,
-                                           const SearchedSection* section, const orbits::CycleSearch& search);
+                                           JobCycles& cycles, const std::function<void(JobCycles&)>& find = {});
 
 }  // namespace orbid::apps

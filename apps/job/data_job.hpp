@@ -63,6 +63,8 @@ struct FileJob {
     bool evenly_spaced = true;       ///< samples in equal steps; false: each at its own time
     orbits::RecordPart part;         ///< what is read; `every` belongs to samples
     bool nan_is_missing = false;     ///< "nan" in a cell is a missing sample too, not only an empty cell
+    /// Read piece by piece, never as a whole: MB of memory for what is held of it at a time; 0: it is read as a whole.
+    double stream_memory = 0.0;
     std::string sha256;  ///< expected, lower-case hex; of several files: of the list of theirs; empty: not given
 
     /// [B], of those that exist.
@@ -106,6 +108,8 @@ struct DataJob {
     [[nodiscard]] orbits::Series::Sampling sampling() const {
         return simulation ? simulation->sampling : file->sampling;
     }
+    /// Its record is read piece by piece.
+    [[nodiscard]] bool streamed() const { return file && file->stream_memory > 0.0; }
     [[nodiscard]] bool observes(Eigen::Index coordinate) const {
         return std::find(observe.begin(), observe.end(), coordinate) != observe.end();
     }

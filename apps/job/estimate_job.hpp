@@ -153,6 +153,7 @@ struct EstimateJob {
     std::optional<WaveformResidualJob> waveform;
     std::optional<BranchResidualJob> branch;
     bool automatic = false;          ///< "strategy": "auto"
+    bool usual_residuals = false;    ///< none were given: "auto" has chosen them
     std::vector<StageJob> strategy;  ///< in this order; each residual is used in at least one of them
     bool scan = false;               ///< the prediction starts with a coarse scan of the parameters over their bounds
     CriticismJob criticism;

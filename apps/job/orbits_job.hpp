@@ -32,6 +32,7 @@ struct OrbitsJob {
     std::string sha256;                         ///< of that file, expected; empty: not given
     orbits::CycleSearchOptions search;          ///< symmetry_signs filled from the model
     Eigen::VectorXd reading_sd;  ///< of a reading, one per coordinate of the model; empty: estimated from the series
+    bool always = false;         ///< searched for even where the estimate needs no cycles
     bool invariants = false;     ///< exponents, dimensions and entropies from the series and, if complete, the cycles
     orbits::CycleExpansionOptions expansion = {};  ///< complete_to 0: not stated, no expansion
     std::optional<EmbeddingJob> embedding = {};    ///< of the only coordinate that is read

@@ -11,10 +11,7 @@
 
 #include <fmt/format.h>
 
-#include "apps/documents/atomic_file.hpp"
 #include "apps/documents/printable.hpp"
-#include "apps/drawing/chart_picture.hpp"
-#include "apps/drawing/section_plot.hpp"
 #include "apps/estimation/estimate_stage.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
@@ -26,8 +23,8 @@
 #include "apps/job/writing/job_writer.hpp"
 #include "apps/program/colour.hpp"
 #include "apps/program/command_stored.hpp"
+#include "apps/program/cycle_run.hpp"
 #include "apps/program/summary.hpp"
-#include "apps/results/invariants_file.hpp"
 #include "apps/results/lost_records.hpp"
 #include "apps/results/output_folder.hpp"
 #include "apps/results/periodic_summary.hpp"
@@ -37,7 +34,6 @@
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "apps/stages/progress.hpp"
-#include "apps/stages/searched_section.hpp"
 #include "apps/stages/workspace.hpp"
 #include "identification/starts/derivative_self_check.hpp"
 #include "models/system/stopped.hpp"
@@ -69,14 +65,6 @@ private:
     mutable std::atomic<bool> yes_{false};
 };
 
-bool wants(const RunOptions& options, Stage stage) {
-    return options.stage == Stage::all || options.stage == stage;
-}
-
-bool is_section_search(const Job& job) {
-    return job.orbits && !job.orbits->file;
-}
-
 int exit_code(const estimator::Estimate& estimate) {
     if (estimate.status == estimator::EstimateStatus::converged)
         return too_few_used(estimate.counts) ? no_valid_answer : success;
@@ -91,22 +79,14 @@ std::string result_without_estimate() {
     return result_text(estimate, {});
 }
 
-/// The section that is searched for cycles, cut from samples if need be.
-SearchedSection section_of(const Workspace& work, const orbits::Series& series) {
-    const RunStop::AtOnce leaving(work.stop);
-    work.progress.within("section of the samples");
-    SearchedSection section = searched_section(work.job, series, work.asking());
-    work.progress.within({});
-    return section;
-}
-
 /// Runs the stages that the command and the job name; the exit code is the worst of theirs.
 int run_stages(const Workspace& work, const Console& console, bool coloured) {
     const Job& job = work.job;
     const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
     const bool from_cycles =
         estimating && (job.estimate->cycles || (job.estimate->waveform && job.estimate->waveform->of_cycles));
-    const bool searching = job.orbits && (wants(work.options, Stage::orbits) || from_cycles);
+    const bool optional = estimating && work.options.stage != Stage::orbits && are_cycles_optional(job);
+    const bool searching = job.orbits && !optional && (wants(work.options, Stage::orbits) || from_cycles);
     const bool loading = wants(work.options, Stage::simulate) || (searching && is_section_search(job)) ||
                          (estimating && (job.estimate->series || job.estimate->waveform || is_section_search(job)));
     int code = success;
@@ -115,22 +95,10 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
     std::vector<Experiment> data;
     if (loading) data = load_data(work);
 
-    orbits::CycleSearch search;
-    std::optional<SearchedSection> section;
+    JobCycles cycles;
     if (searching && !work.interruption.asked()) {
-        if (is_section_search(job)) section = section_of(work, data[job.orbits->data].series);
-        search = load_cycles(work, section);
-        if (wants(work.options, Stage::orbits)) console.out << cycles_summary(search);
-        if (search.cycles.empty()) code = no_valid_answer;
-        if (section && job.orbits->invariants && !work.interruption.asked())
-            console.out << invariants_summary(compute_invariants(work, *section, search));
-        if (section && section->series().dimension() >= 2) {
-            SectionPicture picture{section_points(section->series()), {}, job.title, ""};
-            if (job.title.empty()) picture.title = "Section and periodic points";
-            for (const orbits::Cycle& cycle : search.cycles)
-                picture.add_orbit(cycle.period, cycle.points);
-            work.folder.store("section.svg", chart_svg(section_chart(picture), picture.title, run_picture_style));
-        }
+        cycles = job_cycles(work, data, console);
+        if (cycles.search.cycles.empty()) code = no_valid_answer;
     }
     if (wants(work.options, Stage::periodic) && job.periodic && !work.interruption.asked()) {
         const ComputedOrbits orbits = compute_orbits(work);
@@ -144,7 +112,10 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
         }
     }
     if (estimating) {
-        const EstimateOutcome outcome = run_estimate(work, data, section ? &*section : nullptr, search);
+        std::function<void(JobCycles&)> find;
+        if (optional) find = [&](JobCycles& found) { find_needed_cycles(work, data, console, found); };
+        const EstimateOutcome outcome = run_estimate(work, data, cycles, find);
+        if (optional && !cycles.section) store_section(work, data);
         write_unfiltered(console.out,
                          with_status_colours(estimate_summary(outcome.estimate, outcome.context, job.title), coloured));
         code = std::max(code, exit_code(outcome.estimate));

@@ -204,10 +204,15 @@ Experiment measured(const Workspace& work, std::size_t index) {
     work.progress.begin("read");
     const RunStop::AtOnce leaving(work.stop);
     Experiment experiment;
-    experiment.series = recorded_series(work.job, index, work.asking());
+    if (data.streamed()) {
+        experiment.stream = recorded_stream(work.job, index, work.asking());
+        experiment.series = experiment.stream->header();
+    } else {
+        experiment.series = recorded_series(work.job, index, work.asking());
+    }
     experiment.inputs = by_segment(load_inputs(work.job, data), experiment.series.segments);
-    work.progress.end(fmt::format("{} in {} from {}", counted(experiment.series.size(), "point"),
-                                  counted(experiment.series.segments.size(), "segment"),
+    work.progress.end(fmt::format("{} in {} from {}{}", counted(experiment.points(), "point"),
+                                  counted(experiment.segments(), "segment"), data.streamed() ? "the stream " : "",
                                   std::filesystem::path(data.file->shown()).filename().string()));
     return experiment;
 }

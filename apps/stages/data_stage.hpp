@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "apps/stages/input_record.hpp"
 #include "apps/stages/workspace.hpp"
 #include "orbits/records/series.hpp"
+#include "orbits/records/series_stream.hpp"
 
 namespace orbid::apps {
 
@@ -17,6 +19,11 @@ struct Experiment {
     orbits::Series series;
     std::vector<Capture> captured;
     Inputs inputs;  ///< one per segment of the series; empty when the model reads none
+    /// Of a record that is read piece by piece; `series` has no segments then. Null: all is in the series.
+    std::shared_ptr<const orbits::SeriesStream> stream = {};
+
+    [[nodiscard]] std::size_t points() const { return stream ? stream->size() : series.size(); }
+    [[nodiscard]] std::size_t segments() const { return stream ? stream->lengths().size() : series.segments.size(); }
 };
 
 /// Reads or simulates the records of all experiments of the job, in order. Simulated ones are stored as series.h5 (or

@@ -11,6 +11,7 @@
 #include "apps/results/invariants_file.hpp"
 #include "apps/stages/short_record.hpp"
 #include "apps/stages/workspace.hpp"
+#include "orbits/cycles/streamed_search.hpp"
 #include "orbits/records/data_error.hpp"
 
 namespace orbid::apps {
@@ -56,6 +57,16 @@ orbits::CycleSearch from_file(const Workspace& work) {
 }
 
 }  // namespace
+
+bool are_cycles_optional(const Job& job) {
+    if (!job.estimate || !job.orbits || job.orbits->file || job.orbits->always || job.orbits->invariants) return false;
+    const auto& stages = job.estimate->strategy;
+    const auto uses_cycles = [](const StageJob& stage) { return stage.uses(identification::ResidualType::cycles); };
+    const bool of_waveforms = job.estimate->waveform && job.estimate->waveform->of_cycles;
+    return !of_waveforms && std::any_of(stages.begin(), stages.end(), uses_cycles) &&
+           std::all_of(stages.begin(), stages.end(),
+                       [&](const StageJob& stage) { return stage.if_needed || !uses_cycles(stage); });
+}
 
 CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint) {
     CycleFileHead head;
@@ -113,7 +124,8 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         options.progress = [&work](const std::string& part, std::size_t done, std::size_t total) {
             work.progress.at(static_cast<double>(done), fmt::format("part {} of {}: {}", done + 1, total, part));
         };
-        search = orbits::find_cycles(section->series(), options);
+        search = section->stream ? orbits::find_cycles(*section->stream, options, section->memory)
+                                 : orbits::find_cycles(section->series(), options);
     } catch (const orbits::DataError& error) {
         // The job was checked: what is refused here is the series (too short, a coordinate without spread).
         std::string_view reason = error.what();
@@ -123,7 +135,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
                                             work.job.data[orbits.data].name, reason,
                                             fmt::join(without_cycles(work.job, *section), " ")));
     }
-    if (search.cycles.empty())
+    if (search.cycles.empty() && !section->stream)
         for (std::string& line : without_cycles(work.job, *section))
             search.remarks.push_back(std::move(line));
     search.remarks.insert(search.remarks.begin(), section->choices.begin(), section->choices.end());

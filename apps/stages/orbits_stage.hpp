@@ -9,6 +9,9 @@
 
 namespace orbid::apps {
 
+/// Whether an estimate uses the job's cycles in none but stages that are run if needed.
+[[nodiscard]] bool are_cycles_optional(const Job& job);
+
 /// The heading of every list of cycles or orbits of this job.
 [[nodiscard]] CycleFileHead cycle_file_head(const Job& job, Fingerprint fingerprint);
 /// Of cycles that were searched for in this section.

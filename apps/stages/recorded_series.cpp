@@ -51,10 +51,10 @@ orbits::TableLayout table_layout(const Job& job, std::size_t index, const std::f
     return layout;
 }
 
-orbits::Series stored_by_orbid(const Job& job, const FileJob& file, const std::filesystem::path& path,
-                               const std::function<bool()>& interrupted) {
+/// A file of orbid must hold what the job says.
+void check_stored(const Job& job, const FileJob& file, const std::filesystem::path& path,
+                  const orbits::Series& series) {
     using orbits::Series;
-    Series series = orbits::read_hdf5(path, 2, interrupted);
     if (series.sampling != file.sampling)
         throw orbits::DataError(fmt::format("{}: holds {}, but the job says \"kind\": \"{}\"", path.string(),
                                             file.sampling == Series::Sampling::section ? "samples" : "sections",
@@ -64,6 +64,12 @@ orbits::Series stored_by_orbid(const Job& job, const FileJob& file, const std::f
             throw orbits::DataError(fmt::format("{}: coordinate \"{}\" is none of model {}", path.string(),
                                                 coordinate.name, job.model.system->name()));
     }
+}
+
+orbits::Series stored_by_orbid(const Job& job, const FileJob& file, const std::filesystem::path& path,
+                               const std::function<bool()>& interrupted) {
+    orbits::Series series = orbits::read_hdf5(path, 2, interrupted);
+    check_stored(job, file, path, series);
     return orbits::part_of(std::move(series), file.part, path.string());
 }
 
@@ -102,6 +108,18 @@ orbits::Series recorded_series(const Job& job, std::size_t index, const std::fun
         }
     }
     return std::move(*joined);
+}
+
+std::unique_ptr<orbits::SeriesStream> recorded_stream(const Job& job, std::size_t index,
+                                                      const std::function<bool()>& interrupted) {
+    const FileJob& file = *job.data[index].file;
+    std::vector<std::unique_ptr<orbits::SeriesStream>> records;
+    for (const std::filesystem::path& path : file.paths) {
+        records.push_back(file.table ? orbits::stream_csv(path, table_layout(job, index, interrupted))
+                                     : orbits::stream_hdf5(path, interrupted));
+        if (!file.table) check_stored(job, file, path, records.back()->header());
+    }
+    return orbits::joined(std::move(records));
 }
 
 }  // namespace orbid::apps

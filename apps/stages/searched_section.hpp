@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,6 +11,7 @@
 #include "apps/results/cycle_file.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 #include "orbits/records/series.hpp"
+#include "orbits/records/series_stream.hpp"
 
 namespace orbid::apps {
 
@@ -21,6 +24,9 @@ struct SearchedSection {
     std::vector<std::string> choices = {};  ///< what was chosen by the data, in sentences
     std::optional<SectionPlane> plane = {};
     std::vector<orbits::SeriesCoordinate> coordinates = {};  ///< of its points
+    /// Read piece by piece, with so many bytes of memory; null: all points are in the series.
+    std::shared_ptr<const orbits::SeriesStream> stream = {};
+    std::size_t memory = 0;
 
     [[nodiscard]] const orbits::Series& series() const { return cut ? *cut : *record; }
 };

@@ -39,6 +39,7 @@ std::vector<std::string> without_cycles(const Job& job, const SearchedSection& s
     const OrbitsJob& orbits = *job.orbits;
     const orbits::Series& series = section.series();
     std::vector<std::string> said;
+    if (section.stream) return said;  // no short one
     // The same as the search asks for, and for reliable results ten times as much.
     const int neighbours = orbits.search.neighbours > 0 ? orbits.search.neighbours : orbits::default_neighbours;
     said.push_back(

@@ -194,6 +194,7 @@ std::optional<orbits::Series> stored_series(const StoredRun& run, std::size_t ex
     if (experiment >= job.data.size())
         throw std::invalid_argument(
             fmt::format("stored series: experiment {}, must be in [0, {})", experiment, job.data.size()));
+    if (job.data[experiment].streamed()) return std::nullopt;  // it need not fit into memory
     if (job.data[experiment].file) return recorded_series(job, experiment, run.interrupted);
     return simulated_series(job, experiment, run.folder, run.interrupted);
 }

@@ -130,6 +130,7 @@ void choose_residuals(IdentificationProblem& problem) {
             problem.cycles->sensor = problem.experiments[*searched].sensor;
     }
     if (!problem.experiments.empty()) problem.series.emplace().interval = SeriesChoice::automatic_interval;
+    problem.cycles_if_needed = problem.cycles && problem.series;
     refuse_unless(problem.cycles || problem.series, "there is nothing to estimate from: no cycles and no experiment");
 }
 
@@ -204,9 +205,12 @@ std::vector<Stage> automatic_strategy(const StrategyData& data) {
     using Kind = Stage::Kind;
     std::vector<Stage> stages;
     if (data.readings) stages.push_back({Kind::prediction, {}});
-    if (data.cycles) stages.push_back({Kind::residuals, {ResidualType::cycles}});
-    if (data.cycles && data.searched) stages.push_back({Kind::harvest, {ResidualType::cycles}});
-    if (data.series) stages.push_back({Kind::residuals, {ResidualType::series}});
+    // Without a prediction a series begins at the start itself, where cycles are the safer way.
+    const bool if_needed = data.cycles && data.series && data.readings && data.cycles_if_needed;
+    if (if_needed) stages.push_back({Kind::residuals, {ResidualType::series}});
+    if (data.cycles) stages.push_back({Kind::residuals, {ResidualType::cycles}, if_needed});
+    if (data.cycles && data.searched) stages.push_back({Kind::harvest, {ResidualType::cycles}, if_needed});
+    if (data.series) stages.push_back({Kind::residuals, {ResidualType::series}, if_needed});
     if (data.waveform) stages.push_back({Kind::residuals, {ResidualType::waveform}});
     if (data.branch) stages.push_back({Kind::residuals, {ResidualType::branch}});
     return stages;
@@ -215,13 +219,19 @@ std::vector<Stage> automatic_strategy(const StrategyData& data) {
 std::vector<Stage> automatic_strategy(const IdentificationProblem& problem) {
     const bool cycles = problem.cycles.has_value();
     const bool series = problem.series.has_value();
-    return automatic_strategy(StrategyData{(cycles || series) && has_readings(problem), cycles,
-                                           problem.measured.experiment && problem.measured.section, series,
-                                           problem.waveform.has_value(), problem.branch.has_value()});
+    const bool searched = problem.measured.experiment && (problem.measured.section || problem.measured.find);
+    return automatic_strategy(StrategyData{(cycles || series) && has_readings(problem), cycles, searched, series,
+                                           problem.waveform.has_value(), problem.branch.has_value(),
+                                           problem.cycles_if_needed});
 }
 
 void check_strategy(const IdentificationProblem& problem, const std::vector<Stage>& strategy) {
+    bool series_before = false;
     for (const Stage& stage : strategy) {
+        refuse_unless(
+            !stage.if_needed || series_before,
+            fmt::format("strategy: stage {}: is run if needed, so a stage series must come before it", stage.name()));
+        series_before = series_before || (!stage.if_needed && stage.is_series());
         const bool predicts = stage.kind == Stage::Kind::prediction;
         refuse_unless(!predicts || has_readings(problem),
                       "strategy: a prediction needs a series that is not read by formulas, or an experiment that was "

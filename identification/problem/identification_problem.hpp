@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -46,6 +47,9 @@ struct ModelQuantity {
 
 /// Cycles that were measured, and where more of them may be found.
 struct MeasuredCycles {
+    /// Fills in `search`, `section` and `options` when a stage needs them for the first time, which may be never;
+    /// empty: they are there.
+    std::function<void(MeasuredCycles& measured)> find{};
     orbits::CycleSearch search;                     ///< as orbits::find_cycles() returns it; one list of cycles will do
     std::optional<std::size_t> experiment;          ///< whose record was searched; nothing: the points are states
     double section_phase = 0.0;                     ///< [rad] of the section, forced models
@@ -65,6 +69,7 @@ struct IdentificationProblem {
 
     MeasuredCycles measured;
     std::optional<orbits::CycleTargetOptions> cycles;  ///< `measured` is used, in this way
+    bool cycles_if_needed = false;  ///< an automatic strategy uses cycles only where series are not enough
     std::optional<SeriesChoice> series;
     std::optional<WaveformChoice> waveform;
     std::optional<BranchChoice> branch;
@@ -78,7 +83,8 @@ struct IdentificationProblem {
 };
 
 /// The problem with every default filled in: parameters, names, observed coordinates, errors, initial states. Without
-/// any of `cycles`, `series`, `waveform` and `branch`, measured cycles and all series of samples or sections are used.
+/// any of `cycles`, `series`, `waveform` and `branch`, all series of samples or sections are used, and measured cycles
+/// if they are needed.
 /// @throws std::invalid_argument naming value and rule where the problem contradicts itself.
 [[nodiscard]] IdentificationProblem completed(IdentificationProblem problem);
 
@@ -90,10 +96,11 @@ struct StrategyData {
     bool series = false;
     bool waveform = false;
     bool branch = false;
+    bool cycles_if_needed = false;  ///< nobody asks for them
 };
 
 /// Prediction, where a start can be predicted; cycles; more cycles, where they can be searched for; series; waveforms;
-/// branches.
+/// branches. Where cycles are used if needed, the series comes before them, and once more after them.
 [[nodiscard]] std::vector<Stage> automatic_strategy(const StrategyData& data);
 [[nodiscard]] std::vector<Stage> automatic_strategy(const IdentificationProblem& problem);
 

@@ -36,7 +36,8 @@ struct StageResult {
     double objective = std::numeric_limits<double>::quiet_NaN();
     int iterations = 0;
     int evaluations = 0;
-    bool chosen = false;  ///< its estimate is the result
+    bool chosen = false;    ///< its estimate is the result
+    bool needless = false;  ///< it was left out, since a series before it is explained
 };
 
 /// Defects at the nodes of a series, and the effect of looser matching.

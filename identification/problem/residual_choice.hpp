@@ -92,9 +92,16 @@ struct Stage {
     };
     Kind kind = Kind::residuals;
     std::vector<ResidualType> residuals;  ///< in their order; empty for `prediction`
+    /// Left out where the series before it is explained (stages/series_doubt.hpp). Where it is not, the first such
+    /// stage begins where the series began.
+    bool if_needed = false;
 
     [[nodiscard]] bool uses(ResidualType type) const {
         return std::find(residuals.begin(), residuals.end(), type) != residuals.end();
+    }
+    /// Series alone.
+    [[nodiscard]] bool is_series() const {
+        return kind == Kind::residuals && residuals.size() == 1 && uses(ResidualType::series);
     }
     /// "prediction", "harvest", "series", "cycles + series".
     [[nodiscard]] std::string name() const;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,8 @@ struct StageInput {
     SeriesStart nodes;               ///< intervals and nodes of series; without any they are searched for or guessed
     bool kept = false;               ///< the observer keeps what stages come to, for a run that continues
     std::vector<FollowedStates> followed = {};  ///< states along the records, by the best stage so far
+    /// Makes measured cycles known, `search` too, before the first stage that uses them; empty: they are.
+    std::function<void()> find_cycles = {};
 };
 
 /// A finished stage, with the input of its estimate.

@@ -46,6 +46,11 @@ StructuralReport examined_structure(const IdentificationProblem& problem, Estima
     return report;
 }
 
+void find_cycles(MeasuredCycles& measured, StageInput& input) {
+    measured.find(measured);
+    input.search = measured.search;
+}
+
 void add_held(const StructuralReport& structure, std::string& message) {
     for (const UndeterminedDirection& direction : structure.directions)
         message +=
@@ -56,7 +61,7 @@ void add_held(const StructuralReport& structure, std::string& message) {
 
 IdentificationResult identify(const IdentificationProblem& asked, const Options& given, Observer& observer) {
     validate(given);
-    const IdentificationProblem problem = completed(asked);
+    IdentificationProblem problem = completed(asked);
     Options options = given;
     if (options.strategy.empty()) options.strategy = automatic_strategy(problem);
     check_strategy(problem, options.strategy);
@@ -90,6 +95,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
                      &starts,
                      {},
                      true};
+    if (problem.measured.find) input.find_cycles = [&] { find_cycles(problem.measured, input); };
     const auto take = [&](const StrategyRun& run) {
         result.stages = run.stages;
         result.estimate = strategy_estimate(run, observer.stopped());

@@ -13,6 +13,7 @@
 #include "models/system/stopped.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/records/series_file.hpp"
+#include "orbits/records/table_rows.hpp"
 #include "orbits/records/text_table.hpp"
 #include "orbits/records/unit.hpp"
 
@@ -57,7 +58,7 @@ double factor_of(const std::string& unit, const std::string& wanted, const std::
     return *factor;
 }
 
-void validate_layout(const TableLayout& layout) {
+void check_layout(const TableLayout& layout) {
     if (layout.coordinates.empty()) throw std::invalid_argument("table layout: at least one coordinate is needed");
     std::set<std::string> names;
     for (const CoordinateColumn& column : layout.coordinates) {
@@ -172,29 +173,11 @@ void find_columns(const TextTable& table, const TableLayout& layout, Columns& co
     if (!layout.time.empty()) columns.time = table.column(layout.time);
 }
 
-/// The names of all columns that are read, each once.
-std::vector<std::string> column_names(const TableLayout& layout) {
-    std::vector<std::string> names;
-    const auto add = [&names](const std::string& name) {
-        if (!name.empty() && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
-    };
-    add(layout.segment);
-    add(layout.time);
-    for (const CoordinateColumn& column : layout.coordinates) {
-        add(column.column);
-        add(column.sd);
-    }
-    return names;
-}
-
 /// Reads row after row into segments.
 class TableReading {
 public:
-    TableReading(const std::filesystem::path& file, const TableLayout& layout)
-        : layout_(layout),
-          columns_(conversions(layout)),
-          table_(open_table(file, column_names(layout))),
-          choice_(layout.part) {
+    TableReading(TextTable table, const TableLayout& layout)
+        : layout_(layout), columns_(conversions(layout)), table_(std::move(table)), choice_(layout.part) {
         find_columns(table_, layout, columns_);
         with_sds_ = columns_.with_sds();
         series_.sampling = layout.sampling;
@@ -203,7 +186,7 @@ public:
             series_.coordinates.push_back(column.coordinate);
     }
 
-    Series read() {
+    TableRows read() {
         std::size_t row = 0;
         while (table_.next(cells_)) {
             if (row % 1024 == 0) models::stop_if_asked(layout_.interrupted);
@@ -212,8 +195,7 @@ public:
             ++row_of_segment_;
         }
         end_segment();
-        refuse_too_few(row);
-        return std::move(series_);
+        return {std::move(series_), row, table_.line(), first_time_, last_time_};
     }
 
 private:
@@ -248,23 +230,12 @@ private:
     }
 
     void end_segment() {
-        points_ += rows_.lines.size();
         if (!rows_.lines.empty()) {
             if (columns_.time) check_times(table_, *columns_.time, rows_, layout_);
             close_segment(series_, label_, rows_);
         }
         choice_.begin_segment();
         row_of_segment_ = 0;
-    }
-
-    void refuse_too_few(std::size_t rows) const {
-        if (rows == 0)
-            throw DataError(fmt::format("{}: has a header but no rows; at least {} are needed", table_.file(),
-                                        std::max<std::size_t>(layout_.minimum_points, 1)));
-        if (points_ == 0) throw DataError(nothing_left(table_.file(), layout_.part, rows, first_time_, last_time_));
-        if (points_ < layout_.minimum_points)
-            throw DataError(fmt::format("{}: has {} points, at least {} are needed", table_.file(), points_,
-                                        layout_.minimum_points));
     }
 
     const TableLayout& layout_;
@@ -278,16 +249,50 @@ private:
     std::string label_ = "0";
     Rows rows_;  ///< of the present segment
     std::size_t row_of_segment_ = 0;
-    std::size_t points_ = 0;  ///< of the segments before
     double first_time_ = std::numeric_limits<double>::infinity();
     double last_time_ = -std::numeric_limits<double>::infinity();
 };
 
+void refuse_too_few(const std::string& file, const TableLayout& layout, const TableRows& read) {
+    const std::size_t points = read.series.size();
+    if (read.rows == 0)
+        throw DataError(fmt::format("{}: has a header but no rows; at least {} are needed", file,
+                                    std::max<std::size_t>(layout.minimum_points, 1)));
+    if (points == 0) throw DataError(nothing_left(file, layout.part, read.rows, read.first_time, read.last_time));
+    if (points < layout.minimum_points)
+        throw DataError(fmt::format("{}: has {} points, at least {} are needed", file, points, layout.minimum_points));
+}
+
 }  // namespace
+
+std::vector<std::string> column_names(const TableLayout& layout) {
+    std::vector<std::string> names;
+    const auto add = [&names](const std::string& name) {
+        if (!name.empty() && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    };
+    add(layout.segment);
+    add(layout.time);
+    for (const CoordinateColumn& column : layout.coordinates) {
+        add(column.column);
+        add(column.sd);
+    }
+    return names;
+}
+
+void validate_layout(const TableLayout& layout) {
+    check_layout(layout);
+    (void)conversions(layout);
+}
+
+TableRows read_rows(TextTable table, const TableLayout& layout) {
+    return TableReading(std::move(table), layout).read();
+}
 
 Series read_csv(const std::filesystem::path& file, const TableLayout& layout) {
     validate_layout(layout);
-    return TableReading(file, layout).read();
+    TableRows read = read_rows(open_table(file, column_names(layout)), layout);
+    refuse_too_few(file.string(), layout, read);
+    return std::move(read.series);
 }
 
 }  // namespace orbid::orbits

@@ -91,10 +91,10 @@ TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()), 
     read_header();
 }
 
-TextTable::TextTable(const std::filesystem::path& file, std::string text)
+TextTable::TextTable(const std::filesystem::path& file, std::string text, std::size_t lines_before)
     : file_(file.string()), text_(std::move(text)) {
     read_header();
-    line_ = 0;
+    line_ = lines_before;
 }
 
 void TextTable::read_header() {

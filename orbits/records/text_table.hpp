@@ -15,8 +15,8 @@ public:
     /// Reads the whole file and its header.
     /// @throws DataError: file missing, a folder, unreadable, empty, a header cell quoted wrongly.
     explicit TextTable(const std::filesystem::path& file);
-    /// The same of a text that was made of a file; its first row is line 1 in messages.
-    TextTable(const std::filesystem::path& file, std::string text);
+    /// The same of a text that was made of a file; its first row is line 1 in messages, or comes after so many lines.
+    TextTable(const std::filesystem::path& file, std::string text, std::size_t lines_before = 0);
 
     [[nodiscard]] const std::string& file() const { return file_; }
     [[nodiscard]] const std::vector<std::string>& header() const { return header_; }

@@ -289,8 +289,21 @@ id::Options identification_options(NamedArguments& given) {
     const py::object strategy = given.find_value("strategy");
     if (strategy && !(py::isinstance<py::str>(strategy) && strategy.cast<std::string>() == "auto")) {
         if (!is_list(strategy)) throw py::type_error("strategy: needs \"auto\" or a list of stages");
-        for (const py::handle item : strategy)
-            options.strategy.push_back(stage(item));
+        for (const py::handle item : strategy) {
+            if (!py::isinstance<py::dict>(item)) {
+                options.strategy.push_back(stage(item));
+                continue;
+            }
+            NamedArguments needed("strategy", item);
+            const py::object stages = needed.find("if_needed");
+            if (!stages || !is_list(stages))
+                throw py::type_error("strategy: a dict needs \"if_needed\", a list of stages");
+            for (const py::handle one : stages) {
+                options.strategy.push_back(stage(one));
+                options.strategy.back().if_needed = true;
+            }
+            needed.finish();
+        }
     }
     options.variance = variance(given);
     given.take({{"scan", options.scan},

@@ -64,7 +64,7 @@ def identify(model: System, records: Union[Record, Sequence[Union[Record, Mappin
 
     values          dict or array: all parameters of the model.
     strategy        "auto", or a list of "prediction", "cycles", "harvest", "series", "waveform"; a list within the list
-                    is estimated from together.
+                    is estimated from together; last {"if_needed": [...]}, for where the series is not explained.
     residuals       list of dicts with type "cycles", "series" or "waveform", and their keys (docs/job_reference.md);
                     known_sds=True: readings err by their sds.
     cycles, search  what find_cycles() found in the section record, and the options it was called with.

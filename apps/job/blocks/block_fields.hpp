@@ -28,6 +28,8 @@ namespace orbid::apps::describe {
 void add_file_fields(FieldTable<DataJob>& table);
 /// Which part of a file is read: "window", "rows", "every", "spacing".
 [[nodiscard]] const FieldTable<FileJob>& record_part_fields();
+/// "stream" of a recorded file.
+[[nodiscard]] Field<FileJob> stream_field();
 /// One column of a table: "theta", or { "column": "theta", "unit": "deg", "factor": 2, "sign": -1, "offset": 3.14 }.
 [[nodiscard]] const FieldTable<ColumnJob>& column_fields();
 [[nodiscard]] ValueSchema column();

@@ -129,6 +129,17 @@ void check_noise_of_difference(const ObjectReader& object, const Job& job, const
                       "noise of an angle that is read twice for a difference cannot be correlated in this version");
 }
 
+/// Nothing of a stream is left out, and nothing of it is fitted.
+void check_stream(const ObjectReader& object, const DataJob& data) {
+    const orbits::RecordPart whole, &part = data.file->part;
+    const auto refuse_if = [&](bool asked, const char* key) {
+        if (asked) object.report(key, "does not go with \"stream\": all of a stream is read, for cycles only");
+    };
+    refuse_if(part.first_row != whole.first_row || part.last_row != whole.last_row, "rows");
+    refuse_if(part.windowed(), "window");
+    refuse_if(data.fit || !data.predict.empty(), "segments");
+}
+
 DataJob read_experiment(const ValueReader& value, const std::string& default_name, const Job& job) {
     DataJob data;
     data.name = default_name;
@@ -141,6 +152,7 @@ DataJob read_experiment(const ValueReader& value, const std::string& default_nam
     if (data.file && data.file->table && data.file->part.windowed() && data.file->time_column.empty() &&
         data.file->step == 0.0)
         object.report("window", "needs the times of the record: name their column in \"columns\", or use \"rows\"");
+    if (data.streamed()) check_stream(object, data);
     data.observe = describe::readable_coordinates(job, data);
     if (const auto observe = object.find("observe")) describe::read_observe(*observe, job, data);
     const auto inputs = job.model.system ? job.model.system->inputs() : std::span<const models::Coordinate>{};

@@ -110,6 +110,7 @@ void read_estimate(ObjectReader& root, Job& job) {
     estimate.automatic = strategy && strategy->is(JsonValue::Kind::string) && strategy->value().text == "auto";
     if (!object.find("residuals")) {
         if (estimate.automatic) {
+            estimate.usual_residuals = true;
             describe::add_usual_residuals(*strategy, job, estimate);
         } else {
             (void)object.require("residuals",

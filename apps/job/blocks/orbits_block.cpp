@@ -202,6 +202,9 @@ FieldTable<OrbitsJob> cycle_search_fields() {
             key("partition", {}, "Names parts of the section, so that cycles get codes."), partition_fields(),
             [](auto& orbits) -> auto& { return orbits.search.partition; }),
         embedding_field(),
+        field(key("always", boolean(), "Cycles are searched for even where the estimate turns out to need none."),
+              &OrbitsJob::always)
+            .written_if([](const OrbitsJob& orbits) { return orbits.always; }),
         {key("invariants", boolean() | object(keys_of(invariants_fields())),
              "Exponents, dimensions and entropies of the series.")
              .by_default(false),
@@ -263,6 +266,9 @@ void choose_series(ObjectReader& object, const Job& job, OrbitsJob& orbits) {
         object.self().report(
             "the errors of a section cut from samples follow from these: \"reading_error\" must be "
             "\"estimate\"");
+    if (series->streamed() && orbits.invariants)
+        object.report("invariants",
+                      fmt::format("are of records that are read as a whole, but \"{}\" is a stream", series->name));
     if (series->sensor.type == models::Sensor::Type::function)
         object.self().report(fmt::format("cycles read by a sensor \"function\": {}", not_in_this_version));
     if (std::any_of(series + 1, job.data.end(), is(series->sampling())))

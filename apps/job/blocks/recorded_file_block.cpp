@@ -159,7 +159,8 @@ const FieldTable<FileJob>& recorded_file_fields() {
             .written_if([](const FileJob& file) { return file.table; }),
         word_field(
             key("missing", {}, "What marks a missing sample; \"nan\": that word too.").with_either("file", "files"),
-            {{false, "empty"}, {true, "nan"}}, &FileJob::nan_is_missing)};
+            {{false, "empty"}, {true, "nan"}}, &FileJob::nan_is_missing),
+        stream_field()};
     return table;
 }
 

@@ -200,7 +200,8 @@ void add_usual_residuals(const ValueReader& at, const Job& job, EstimateJob& est
         list.items.push_back(std::move(residual));
     };
     if (job.orbits) add("cycles");
-    if (!job.data.empty()) add("series");
+    if (!std::all_of(job.data.begin(), job.data.end(), [](const DataJob& data) { return data.streamed(); }))
+        add("series");
     if (list.items.empty()) {
         at.report("\"auto\" needs \"data\", or \"orbits\" with a file of cycles, to estimate from");
         return;

@@ -151,7 +151,8 @@ void prepare_series(ObjectReader& object, const Job& job, SeriesResidualJob& ser
     // Samples where there are some: sections beside them are usually there to be searched for cycles.
     series.data = experiments_with(job, Sampling::samples);
     if (series.data.empty()) series.data = experiments_with(job, Sampling::section);
-    if (series.data.empty()) object.self().report("needs an entry of \"data\"");
+    std::erase_if(series.data, [&](std::size_t index) { return job.data[index].streamed(); });
+    if (series.data.empty()) object.self().report("needs an entry of \"data\", no stream");
 }
 
 void complete_series(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series) {
@@ -160,6 +161,9 @@ void complete_series(ObjectReader& object, const Job& job, bool staged, SeriesRe
     use.records = ErrorUse::Records::series;
     use.data = series.data;
     for (const std::size_t index : series.data) {
+        if (job.data[index].streamed())
+            object.self().report(fmt::format("uses the record \"{}\" as a whole, but that is a stream (\"stream\")",
+                                             job.data[index].name));
         const models::Sensor& sensor = job.data[index].sensor;
         std::vector<Eigen::Index> coordinates = job.data[index].observe;
         // A rate that is a difference of two readings of an angle has their errors, none of its own. (Over a whole

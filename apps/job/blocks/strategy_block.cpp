@@ -15,8 +15,9 @@ using Kind = StageJob::Kind;
 /// Stages that stand beside those of residuals.
 const std::vector<std::string> other_stages{"prediction", "harvest"};
 
+/// In a record that later stages can read again.
 bool is_searched(const Job& job) {
-    return job.orbits && !job.orbits->file;
+    return job.orbits && !job.orbits->file && !job.data[job.orbits->data].streamed();
 }
 
 bool is_read_by_formulas(const Job& job, const EstimateJob& estimate) {
@@ -54,24 +55,53 @@ StageJob prediction_stage(const ValueReader& item, const Job& job, const Estimat
     if (is_read_by_formulas(job, estimate))
         item.report("a prediction begins at states that readings say: those by formulas say none");
     else if (!has_readings(job, estimate))
-        item.report("needs a series: a residual of type series, or \"orbits\" that are searched for");
+        item.report("needs a series: a residual of type series, or \"orbits\" that are searched for, not in a stream");
     return {Kind::prediction, {}};
 }
 
 StageJob harvest_stage(const ValueReader& item, const Job& job, const EstimateJob& estimate) {
-    if (!is_searched(job)) item.report("needs \"orbits\" that are searched for in a series");
+    if (!is_searched(job)) item.report("needs \"orbits\" that are searched for in a series, which is no stream");
     if (!has_stage(estimate, [](const StageJob& one) { return one.uses(ResidualType::cycles); }))
         item.report("must come after \"cycles\": it looks for what their estimate points to");
     return {Kind::harvest, {ResidualType::cycles}};
 }
 
-void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate) {
-    const auto present = estimate.residual_types();
-    std::vector<ResidualType> used;
+std::vector<std::string> stage_names() {
     std::vector<std::string> stages = residual_type_names;
     stages.insert(stages.end(), other_stages.begin(), other_stages.end());
+    return stages;
+}
+
+void read_list(const ValueReader& value, const Job& job, bool if_needed, std::vector<ResidualType>& used,
+               EstimateJob& estimate);
+
+/// { "if_needed": [ ... ] }: stages for where the series is not enough, it among them once more.
+void read_needed_stages(const ValueReader& item, const Job& job, std::vector<ResidualType>& used,
+                        EstimateJob& estimate) {
+    ObjectReader object(item);
+    const auto list = object.find("if_needed");
+    object.finish();
+    if (!list) return;
+    if (!has_stage(estimate, [](const StageJob& one) { return one.is_series(); }))
+        item.report("needs a stage \"series\" before it, which may be enough");
+    std::vector<ResidualType> again = used;
+    std::erase(again, ResidualType::series);
+    read_list(*list, job, true, again, estimate);
+    used.insert(used.end(), again.begin(), again.end());
+}
+
+void read_list(const ValueReader& value, const Job& job, bool if_needed, std::vector<ResidualType>& used,
+               EstimateJob& estimate) {
+    const auto present = estimate.residual_types();
+    const std::vector<std::string> stages = stage_names();
     for (const ValueReader& item : value.items()) {
         StageJob stage;
+        if (!estimate.strategy.empty() && estimate.strategy.back().if_needed && !if_needed)
+            item.report("must not follow the stages that are run if needed");
+        if (item.is(JsonValue::Kind::object)) {
+            read_needed_stages(item, job, used, estimate);
+            continue;
+        }
         if (item.is(JsonValue::Kind::array)) {
             for (const ValueReader& inner : item.items())
                 if (const auto choice = inner.choice(residual_type_names))
@@ -87,9 +117,16 @@ void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate
                                                         : harvest_stage(item, job, estimate);
             }
         }
+        stage.if_needed = if_needed;
         estimate.strategy.push_back(std::move(stage));
     }
-    for (const ResidualType type : present) {
+}
+
+void read_stages(const ValueReader& value, const Job& job, EstimateJob& estimate) {
+    std::vector<ResidualType> used;
+    read_list(value, job, false, used, estimate);
+    if (!value.sound()) return;
+    for (const ResidualType type : estimate.residual_types()) {
         if (std::find(used.begin(), used.end(), type) != used.end()) continue;
         value.report(fmt::format("must name every type of \"residuals\": there is no \"{}\"",
                                  name_of(type, residual_type_names)));
@@ -108,9 +145,9 @@ void read_strategy(const ValueReader& value, const Job& job, EstimateJob& estima
                                  estimate.waveform ? "waveforms" : "branches",
                                  name_of(present.back(), residual_type_names)));
     } else {
-        estimate.strategy = identification::automatic_strategy(
-            identification::StrategyData{has_readings(job, estimate), estimate.cycles.has_value(), is_searched(job),
-                                         estimate.series.has_value(), false});
+        estimate.strategy = identification::automatic_strategy(identification::StrategyData{
+            has_readings(job, estimate), estimate.cycles.has_value(), is_searched(job), estimate.series.has_value(),
+            false, false, estimate.usual_residuals && is_searched(job)});
     }
 }
 
@@ -125,17 +162,25 @@ Json stage_document(const StageJob& stage) {
     return json_list(stage.residuals, [](ResidualType type) { return name_of(type, residual_type_names); });
 }
 
+Json strategy_document(const EstimateJob& estimate, const Writing&) {
+    Json stages = Json::array(), needed = Json::array();
+    for (const StageJob& stage : estimate.strategy)
+        (stage.if_needed ? needed : stages).push_back(stage_document(stage));
+    if (!needed.empty()) stages.push_back({{"if_needed", needed}});
+    return stages;
+}
+
 }  // namespace
 
 void add_strategy_fields(FieldTable<EstimateJob>& table) {
-    std::vector<std::string> stages = residual_type_names;
-    stages.insert(stages.end(), other_stages.begin(), other_stages.end());
-    const ValueSchema stage = choice(stages) | set(choice(residual_type_names), 1);
+    const ValueSchema stage = choice(stage_names()) | set(choice(residual_type_names), 1);
+    const ValueSchema needed =
+        object({key("if_needed", list(stage, 1), "Stages that are left out where the series before them is explained.")
+                    .required_always()});
     table.push_back(
-        {key("strategy", choice({"auto"}) | list(stage, 1),
+        {key("strategy", choice({"auto"}) | list(stage | needed, 1),
              "Stages, each from the best before it; what stands in a list within the list is estimated from together."),
-         read_strategy,
-         [](const EstimateJob& estimate, const Writing&) { return json_list(estimate.strategy, stage_document); }});
+         read_strategy, strategy_document});
     table.push_back(
         field(key("scan", boolean(), "The prediction begins with a coarse scan of the parameters over their bounds."),
               &EstimateJob::scan)

@@ -56,9 +56,14 @@ DataCheck check_data(const Job& job) {
         attempt([&] {
             const LabelledInputs inputs = load_inputs(job, job.data[i]);
             if (!job.data[i].file) return;
-            data[i].series = recorded_series(job, i);
+            if (job.data[i].streamed()) {
+                data[i].stream = recorded_stream(job, i);
+                data[i].series = data[i].stream->header();
+            } else {
+                data[i].series = recorded_series(job, i);
+            }
             data[i].inputs = by_segment(inputs, data[i].series.segments);
-            check.records[i] = {data[i].series.size(), data[i].series.segments.size()};
+            check.records[i] = {data[i].points(), data[i].segments()};
         });
     }
     if (job.orbits && job.orbits->file) {

@@ -45,7 +45,7 @@ struct Span {
 void add_readings(const models::System& system, const Job& job, const Eigen::VectorXd& theta,
                   std::vector<Start>& starts) {
     for (std::size_t i = 0; i < job.data.size(); ++i) {
-        if (!job.data[i].file) continue;
+        if (!job.data[i].file || job.data[i].streamed()) continue;
         try {
             const orbits::Series series = recorded_series(job, i);
             std::vector<Eigen::Index> rows;
@@ -106,7 +106,7 @@ Span span_of(const models::System& system, const Job& job) {
         if (data.simulation && data.simulation->step > 0.0)
             return {models::Clock::time, times(10.0 * data.simulation->step), "30 sampling intervals"};
     for (std::size_t i = 0; i < job.data.size(); ++i) {
-        if (!job.data[i].file) continue;
+        if (!job.data[i].file || job.data[i].streamed()) continue;
         try {
             for (const orbits::Segment& segment : recorded_series(job, i).segments)
                 if (segment.times.size() > 1 && segment.times[1] > segment.times[0])

@@ -119,7 +119,7 @@ std::string estimate_lines(const Job& job) {
         names.push_back(free.value.name);
     std::vector<std::string> stages;
     for (const StageJob& stage : estimate.strategy)
-        stages.push_back(stage.name() +
+        stages.push_back((stage.if_needed ? "if needed " : "") + stage.name() +
                          (stage.kind == StageJob::Kind::prediction && estimate.scan ? " with a scan" : ""));
     std::string text = fmt::format("  estimate   {} from {}\n",
                                    names.empty() ? "error scales only" : fmt::format("{}", fmt::join(names, ", ")),

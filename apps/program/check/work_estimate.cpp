@@ -14,6 +14,7 @@
 #include "apps/job/periodic_job.hpp"
 #include "apps/program/check/job_amounts.hpp"
 #include "apps/results/counted_noun.hpp"
+#include "apps/stages/orbits_stage.hpp"
 
 namespace orbid::apps {
 
@@ -42,6 +43,8 @@ constexpr double replicate_sweeps = 12.0;        // estimates that begin at the 
 constexpr double bytes = sizeof(double), megabyte = 1e6;
 // What a search holds at once over what the series takes (docs/orbits.md).
 constexpr double search_copies = 3.0;
+// One map is fitted to all data of this many points and fewer (CycleSearchOptions::Method::automatic).
+constexpr double most_noisy_points = 262144.0;
 // The equations of one map fitted to all data: 3 x 8 bytes x 3600^2 for cells of 2 % over the pendulum's attractor.
 constexpr double noisy_search_bytes = 3e8;
 
@@ -59,12 +62,16 @@ public:
         if (is_compiled_first(job_)) add("compile", "the equations", 0.0, compilation);
         for (std::size_t i = 0; i < job_.data.size(); ++i)
             job_.data[i].file ? reading(i) : simulation(i);
-        if (job_.orbits && !job_.orbits->file) {
+        // What is run if needed need not be run.
+        if (job_.orbits && !job_.orbits->file && !are_cycles_optional(job_)) {
             const double seconds = search_seconds();
+            const DataJob& data = job_.data[job_.orbits->data];
+            double memory = search_copies * amounts_.points(job_.orbits->data) * n_ * bytes;
+            if (data.streamed()) memory = std::min(memory, megabyte * data.file->stream_memory);
+            if (!is_clean(data) && amounts_.points(job_.orbits->data) <= most_noisy_points)
+                memory += noisy_search_bytes;
             add("orbits", fmt::format("{:.0f} points, periods {}", amounts_.points(job_.orbits->data), periods_text()),
-                search_copies * amounts_.points(job_.orbits->data) * n_ * bytes +
-                    (is_clean(job_.data[job_.orbits->data]) ? 0.0 : noisy_search_bytes),
-                seconds);
+                memory, seconds);
         }
         if (job_.periodic) periodic();
         if (job_.estimate) estimate();
@@ -92,7 +99,7 @@ private:
         const std::size_t segments = amounts_.segments(index);
         add("read",
             fmt::format("{:.0f} points in {} segment{}", amounts_.points(index), segments, segments == 1 ? "" : "s"),
-            amounts_.points(index) * n_ * bytes, size * seconds_per_byte);
+            job_.data[index].streamed() ? 0.0 : amounts_.points(index) * n_ * bytes, size * seconds_per_byte);
     }
 
     void simulation(std::size_t index) {
@@ -118,7 +125,7 @@ private:
         // Samples are cut: a motion crosses a plane, or its phase returns, once in so many.
         const bool cut = data.sampling() == orbits::Series::Sampling::samples;
         const double searched = amounts_.points(job_.orbits->data) / (cut ? samples_per_crossing : 1.0);
-        const double point = is_clean(data) ? clean_search : noisy_search;
+        const double point = is_clean(data) || searched > most_noisy_points ? clean_search : noisy_search;
         return (searched * point + periods * search_per_period) / threads_;
     }
 
@@ -210,6 +217,7 @@ private:
         const auto free = static_cast<double>(estimate.parameters.size());
         double last = 0.0;
         for (const StageJob& stage : estimate.strategy) {
+            if (stage.if_needed) continue;
             if (stage.kind == StageJob::Kind::prediction) {
                 double seconds = 0.0;
                 for (std::size_t i = 0; i < job_.data.size(); ++i)

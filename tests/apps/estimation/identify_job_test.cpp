@@ -193,6 +193,9 @@ TEST_CASE("the paper's experiment from C++ is that of the job", "[apps][run]") {
     measured.search = orbits::find_cycles(*run1.series, measured.options);
     measured.experiment = 0;
     measured.section = run1.series;
+    // Cycles are asked for.
+    problem.cycles.emplace().sensor = encoder;
+    problem.series.emplace().interval = identification::SeriesChoice::automatic_interval;
     const auto add = [&](const char* name, double start, double lower, double upper) {
         problem.parameters.push_back(identification::free_parameter(*problem.system, name, start));
         problem.parameters.back().value.lower = lower;

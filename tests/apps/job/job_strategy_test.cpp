@@ -73,7 +73,9 @@ using Names = std::vector<std::string>;
 
 TEST_CASE("a strategy is a list of stages, or chosen by what the job has", "[apps][job]") {
     const EstimateJob all = read_back(experiment_job(R"("strategy": "auto")"));
-    CHECK(stages(all) == Names{"prediction", "cycles", "harvest", "series"});
+    CHECK(stages(all) == Names{"prediction", "series", "cycles", "harvest", "series"});
+    for (std::size_t i = 0; i < all.strategy.size(); ++i)
+        CHECK(all.strategy[i].if_needed == (i > 1));
     REQUIRE(all.cycles);
     CHECK(all.cycles->periods == std::vector<int>{1, 2});
     REQUIRE(all.series);
@@ -90,6 +92,11 @@ TEST_CASE("a strategy is a list of stages, or chosen by what the job has", "[app
     CHECK(named.scan);
     CHECK_FALSE(named.cycles);
 
+    // Cycles that are asked for are used.
+    CHECK(stages(read_back(
+              experiment_job(R"("residuals": [ { "type": "cycles" }, { "type": "series" } ], "strategy": "auto")"))) ==
+          Names{"prediction", "cycles", "harvest", "series"});
+
     const std::string both = R"("residuals": [ { "type": "cycles" }, { "type": "series" } ])";
     CHECK(stages(read_back(experiment_job(both))) == Names{"cycles + series"});
     CHECK(stages(read_back(experiment_job(both + R"(, "strategy": ["series", "cycles"])"))) ==
@@ -97,12 +104,19 @@ TEST_CASE("a strategy is a list of stages, or chosen by what the job has", "[app
     CHECK(
         stages(read_back(experiment_job(both + R"(, "strategy": ["prediction", ["cycles", "series"], "harvest"])"))) ==
         Names{"prediction", "cycles + series", "harvest"});
+    const EstimateJob needed =
+        read_back(experiment_job(both + R"(, "strategy": ["series", { "if_needed": [["cycles", "series"]] }])"));
+    CHECK(stages(needed) == Names{"series", "cycles + series"});
+    CHECK_FALSE(needed.strategy[0].if_needed);
+    CHECK(needed.strategy[1].if_needed);
     CHECK(stages(read_back(samples_job(""))) == Names{"series"});
     CHECK(stages(read_back(samples_job("", R"("strategy": "auto")"))) == Names{"prediction", "series"});
 
-    CHECK_THAT(job_summary(read(experiment_job(R"("strategy": "auto", "scan": true)"))),
-               ContainsSubstring("l, k1, k3 from prediction with a scan, then cycles, then harvest, then series") &&
-                   ContainsSubstring("series     run1: nodes as far apart as errors allow"));
+    CHECK_THAT(
+        job_summary(read(experiment_job(R"("strategy": "auto", "scan": true)"))),
+        ContainsSubstring("l, k1, k3 from prediction with a scan, then series, then if needed cycles, then if needed "
+                          "harvest, then if needed series") &&
+            ContainsSubstring("series     run1: nodes as far apart as errors allow"));
 }
 
 TEST_CASE("strategies that cannot be meant are refused with place and rule", "[apps][job]") {
@@ -123,6 +137,14 @@ TEST_CASE("strategies that cannot be meant are refused with place and rule", "[a
     refused(cycles + R"("strategy": ["cycles", "harvets"])",
             "/strategy/1: unknown value \"harvets\"; did you mean \"harvest\"?");
     refused(cycles + R"("strategy": ["cycles", []])", "/strategy/1: must not be empty");
+    const std::string both = R"("residuals": [ { "type": "cycles" }, { "type": "series" } ], )";
+    refused(both + R"("strategy": ["cycles", { "if_needed": ["series"] }])",
+            "/strategy/1: needs a stage \"series\" before it, which may be enough");
+    refused(both + R"("strategy": ["series", { "if_needed": ["cycles"] }, "harvest"])",
+            "/strategy/2: must not follow the stages that are run if needed");
+    refused(both + R"("strategy": ["series", { "if_needed": ["cycles", "cycles"] }])",
+            "/strategy/1/if_needed/1: \"cycles\" is listed twice");
+    refused(both + R"("strategy": ["series", {}])", "/strategy/1: \"if_needed\" is missing");
     refused(cycles + R"("scan": true)", "/scan: belongs to the stage \"prediction\"");
     refused(R"("strategy": "auto", "scan": 1)", "/scan: must be true or false");
     refused(R"("strategy": "auto", "multi_start": { "starts": 3 })",

@@ -17,6 +17,7 @@
 #include "identification/stages/strategy_stage.hpp"
 #include "identification/strategy/identify.hpp"
 #include "models/catalogue/registry.hpp"
+#include "orbits/cycles/cycle_search.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
@@ -171,6 +172,82 @@ TEST_CASE("known parameters are found from a record and equations alone", "[iden
     CHECK(result.best != nullptr);
 }
 
+namespace {
+
+/// The same with cycles of its record, which are found when they are asked for.
+IdentificationProblem searched_problem(int& searches) {
+    IdentificationProblem problem = henon_problem();
+    problem.measured.experiment = 0;
+    problem.cycles.emplace().sensor = problem.experiments[0].sensor;
+    problem.series.emplace().interval = identification::SeriesChoice::automatic_interval;
+    problem.cycles_if_needed = true;
+    problem.measured.find = [&searches, section = problem.experiments[0].series](auto& measured) {
+        ++searches;
+        measured.section = section;
+        measured.options.periods = {1, 2};
+        measured.search = orbits::find_cycles(*section, measured.options);
+    };
+    return problem;
+}
+
+std::vector<std::string> stage_names(const IdentificationResult& result) {
+    std::vector<std::string> names;
+    for (const auto& stage : result.stages)
+        names.push_back(stage.stage);
+    return names;
+}
+
+}  // namespace
+
+TEST_CASE("cycles are left out where the series is explained", "[identification]") {
+    int searches = 0;
+    const IdentificationResult result = identification::identify(searched_problem(searches));
+    const IdentificationResult series = identification::identify(henon_problem());
+    CHECK(searches == 0);
+    CHECK(stage_names(result) == std::vector<std::string>{"prediction", "series", "cycles", "harvest", "series"});
+    check_same(result.estimate, series.estimate);
+    REQUIRE(result.stages.size() == 5);
+    CHECK(result.stages[1].chosen);
+    for (std::size_t i = 2; i < 5; ++i) {
+        CHECK(result.stages[i].needless);
+        CHECK_FALSE(result.stages[i].status.has_value());
+        CHECK_THAT(result.stages[i].message, ContainsSubstring("not needed"));
+    }
+    CHECK(result.cycles.empty());
+}
+
+TEST_CASE("where the series is not explained, the strategy goes on from the prediction", "[identification]") {
+    // b is held at a value that no reading agrees with: whatever a, residuals are a function of the state.
+    int searches = 0;
+    IdentificationProblem problem = searched_problem(searches);
+    problem.values = Eigen::Vector2d(1.4, 0.32);
+    problem.parameters.pop_back();
+    problem.experiments[0].follows_model = false;
+    const IdentificationResult result = identification::identify(problem);
+    CHECK(searches == 1);
+    CHECK(stage_names(result) == std::vector<std::string>{"prediction", "series", "cycles", "harvest", "series"});
+    for (const auto& stage : result.stages)
+        CHECK_FALSE(stage.needless);
+
+    // As with cycles before the series.
+    using Kind = Stage::Kind;
+    using identification::ResidualType;
+    identification::Options options;
+    options.strategy = {{Kind::prediction, {}},
+                        {Kind::residuals, {ResidualType::cycles}},
+                        {Kind::harvest, {ResidualType::cycles}},
+                        {Kind::residuals, {ResidualType::series}}};
+    const IdentificationResult before = identification::identify(problem, options);
+    CHECK(result.estimate.status == before.estimate.status);
+    REQUIRE(before.stages.size() == 4);
+    REQUIRE(result.stages.size() == 5);
+    for (std::size_t i = 1; i < 3; ++i) {
+        CHECK(result.stages[i + 1].status == before.stages[i].status);
+        CHECK((result.stages[i + 1].objective == before.stages[i].objective || std::isnan(before.stages[i].objective)));
+    }
+    CHECK(result.estimate.objective <= before.estimate.objective);
+}
+
 TEST_CASE("one thread finds the same to the bit", "[identification][threads]") {
     const IdentificationProblem problem = henon_problem();
     const IdentificationResult all = identification::identify(problem);
@@ -275,6 +352,9 @@ TEST_CASE("a strategy that the problem cannot serve is refused", "[identificatio
               o.strategy = {{Kind::residuals, {ResidualType::waveform}}};
           }) == "strategy: stage waveform: the problem does not use such data");
     CHECK(refused([&](P&, O& o) { o.strategy = {{Kind::residuals, {}}}; }) == "strategy: a stage names no residuals");
+    CHECK(refused([&](P&, O& o) {
+              o.strategy = {{Kind::residuals, {ResidualType::series}, true}};
+          }) == "strategy: stage series: is run if needed, so a stage series must come before it");
 }
 
 TEST_CASE("a problem that contradicts itself is refused", "[identification]") {
