@@ -40,7 +40,7 @@ Eigen::MatrixXd first_hessian(const ErrorProblem& problem, const ErrorPoint& poi
     }
     // Latent states distribute the residuals between scales: their curvature is far from that of separate ones.
     if (plain && problem.set->latents == 0) return diagonal.asDiagonal();
-    return made_definite(error_hessian(problem, psi, free));
+    return made_definite(error_hessian(problem, point, psi, free));
 }
 
 /// A place to go to.
@@ -91,7 +91,7 @@ private:
     const Eigen::VectorXd& ceiling_;
     const ErrorSearch& search_;
     ErrorMinimum minimum_;
-    ErrorPoint point_;                ///< at minimum_.psi, unless the last step was taken without a trial
+    ErrorPoint point_;  ///< at minimum_.psi, unless the last step was taken without a trial
     bool at_psi_ = true;
     std::vector<Eigen::Index> free_;  ///< not held at a limit
     ErrorCurvature unknown_;
@@ -255,10 +255,11 @@ Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimu
         if (!problem.free[index] || !law.compressible() || minimum.at_floor[index] || minimum.at_ceiling[index])
             continue;
         if (std::holds_alternative<FlatPrior>(law.coordinates.front().prior)) continue;
-        const double curvature = error_hessian(problem, minimum.psi, {k})(0, 0);
+        const ErrorPoint point = evaluate_errors(problem, minimum.psi);
+        const double curvature = error_hessian(problem, point, minimum.psi, {k})(0, 0);
         if (!(curvature > 0.0)) continue;
         const double width = std::sqrt(2.0 / curvature);
-        const double at_minimum = evaluate_errors(problem, minimum.psi).value;
+        const double at_minimum = point.value;
         double total = 0.0;
         double weight = 0.0;
         for (Eigen::Index i = 0; i < nodes; ++i) {

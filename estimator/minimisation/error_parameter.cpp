@@ -99,8 +99,8 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
         if ((*problem.rows)[b].linked_parts.empty()) return;
         use(b, (*problem.rows)[b].linked_parts, result.linked[b], point.standard.linked_rows(b), covariance);
     };
-    visit_covariance(point.standard.arrow, point.reduced_problem,
-                     parameter_covariance(problem, point), own, any_linked ? linked : CovarianceUse());
+    visit_covariance(point.standard.arrow, point.reduced_problem, parameter_covariance(problem, point), own,
+                     any_linked ? linked : CovarianceUse());
     return result;
 }
 
@@ -255,6 +255,7 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
         Eigen::VectorXd::Zero(problem.prior_rows.rows());
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
     point.triangle = factor.topLeftCorner(rank, rank);
+    point.rest = point.reduced_problem.rest * point.reduced_problem.rest + factor(rank, rank) * factor(rank, rank);
     const Followed step = followed(problem, point, factor.topRightCorner(rank, 1));
     if (!step.d_z.empty()) {
         const ModelChange change = model_change(point.standard.arrow, step.u, step.d_z);
@@ -281,10 +282,12 @@ bool one_scale_for_all(const ErrorProblem& problem, const std::vector<Eigen::Ind
 
 }  // namespace
 
-Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& psi,
                               const std::vector<Eigen::Index>& free) {
-    if (one_scale_for_all(problem, free))
-        return Eigen::MatrixXd::Constant(1, 1, 2.0 * evaluate_errors(problem, psi).fit[free.front()]);
+    if (one_scale_for_all(problem, free)) {
+        const double square = problem.follow == Follow::all ? point.rest : point.fit[free.front()];
+        return Eigen::MatrixXd::Constant(1, 1, 2.0 * square);
+    }
     // Four points: error h^4 / 30 of a fifth derivative that is about 64 n, against rounding / h. Two points: error h^2
     // / 6 of a third one that is about 8 n, a millionth. That is enough where each of them takes long.
     constexpr double h = 1e-3;

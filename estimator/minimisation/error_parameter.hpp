@@ -44,6 +44,7 @@ struct ErrorPoint {
     /// else 0.
     Eigen::VectorXd fit;
     Eigen::VectorXd left;
+    double rest = 0.0;       ///< sum of all squares at the minimum of the quadratic model over z and theta, no prior
     WhitenedArrow standard;  ///< rows kept
     ReducedProblem reduced_problem;  ///< in the columns of u
     Eigen::MatrixXd triangle;        ///< R of the determined parameters with prior, latent states eliminated
@@ -51,8 +52,8 @@ struct ErrorPoint {
 
 /// d/dpsi_k = d(-ln p)/dpsi_k + tr(P S^T dS/dpsi_k), P = covariance of (z, theta) ("ml": of z), see (M10) for scales.
 [[nodiscard]] ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi);
-/// The same where the rows are whitened and factorised already. @param standard  at psi, with the expected curvature and
-/// rows kept.
+/// The same where the rows are whitened and factorised already. @param standard  at psi, with the expected curvature
+/// and rows kept.
 [[nodiscard]] ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
                                          WhitenedArrow standard);
 
@@ -60,9 +61,11 @@ struct ErrorPoint {
 [[nodiscard]] Eigen::MatrixXd parameter_covariance(const ErrorProblem& problem, const ErrorPoint& point);
 
 /// Second derivatives of Phi_psi with respect to the free error parameters, shape (free, free): by central differences
-/// of its gradient, or 2 ||e||^2 / s^2 where one normal scale without prior is all that whitens the problem.
-[[nodiscard]] Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
-                                            const std::vector<Eigen::Index>& free);
+/// of its gradient. Where one normal scale without prior whitens the whole problem it is 2 ||e||^2 / s^2, with theta at
+/// its best if it follows.
+/// @param point  of evaluate_errors() at psi, whatever follows there.
+[[nodiscard]] Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const ErrorPoint& point,
+                                            const Eigen::VectorXd& psi, const std::vector<Eigen::Index>& free);
 
 struct ErrorMinimum {
     Eigen::VectorXd psi;
@@ -71,8 +74,8 @@ struct ErrorMinimum {
     int steps = 0;
     /// largest |gradient| of a free parameter over the root of its curvature: distance to the minimum in sds
     double distance = 0.0;
-    std::vector<bool> at_floor;    ///< held at its lower limit; for a scale: residuals at rounding level
-    std::vector<bool> at_ceiling;  ///< held at its upper limit
+    std::vector<bool> at_floor;             ///< held at its lower limit; for a scale: residuals at rounding level
+    std::vector<bool> at_ceiling;           ///< held at its upper limit
     std::optional<WhitenedArrow> standard;  ///< factorised at psi; none where the last step was taken without a trial
 };
 

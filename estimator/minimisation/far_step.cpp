@@ -26,8 +26,7 @@ CovarianceRows covariance_rows(const ErrorProblem& problem, const ErrorPoint& po
     result.own.resize(problem.rows->size());
     result.linked.resize(problem.rows->size());
     visit_covariance(
-        point.standard.arrow, point.reduced_problem,
-        parameter_covariance(problem, point),
+        point.standard.arrow, point.reduced_problem, parameter_covariance(problem, point),
         [&](std::size_t b, const Rows& p) { result.own[b] = through(point.standard.own_rows(b), p); },
         [&](std::size_t b, const Rows& p) {
             if (point.standard.linked_records[b] > 0) result.linked[b] = through(point.standard.linked_rows(b), p);

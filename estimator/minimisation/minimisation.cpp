@@ -99,7 +99,8 @@ bool Minimisation::update_errors() {
     set_model();
     if (set_.provisional && stopping_.at_start()) {
         const Eigen::VectorXd psi = errors_.followed(minimum_, state_, ledger_.round);
-        if (psi != state_.psi) rescale([&] {
+        if (psi != state_.psi)
+            rescale([&] {
                 state_.psi = psi;
                 factorise_errors();
             });

@@ -100,8 +100,8 @@ private:
     /// Whether errors ask for the same rows in steps and in expectation: a search over their parameters then begins
     /// and ends with rows that are factorised for steps as well.
     bool one_curvature_;
-    WhitenedArrow standard_;   ///< at the state; its value is -ln p of the errors without ln|Sigma|
-    ReducedProblem reduced_;   ///< of it, undamped
+    WhitenedArrow standard_;  ///< at the state; its value is -ln p of the errors without ln|Sigma|
+    ReducedProblem reduced_;  ///< of it, undamped
     StepModel model_;
     std::optional<TrialStep> full_;  ///< the full step of the model, once asked for
     double model_length_ = 0.0;      ///< of the full step of the parameters, in posterior sds

@@ -24,8 +24,8 @@ double Minimisation::misfit() const {
 }
 
 void Minimisation::factorise_errors() {
-    take_factor(standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature(),
-                               one_curvature_));
+    take_factor(
+        standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), one_curvature_));
 }
 
 void Minimisation::take_factor(WhitenedArrow standard) {
@@ -44,8 +44,8 @@ void Minimisation::set_model() {
     model_.bounds = {stages_.lower() - state_.u, stages_.upper() - state_.u};
     model_.fallback = fallback;
     model_.rank_tolerance = problem_.options.relative_singular_value;
-    minimum_.step = bounded_step(reduced_, minimum_.prior, model_.bounds, 0.0, model_.damping, fallback,
-                                 model_.rank_tolerance);
+    minimum_.step =
+        bounded_step(reduced_, minimum_.prior, model_.bounds, 0.0, model_.damping, fallback, model_.rank_tolerance);
     model_length_ = (reduced_.r * minimum_.step.d).norm();
     full_.reset();
 }

@@ -85,7 +85,7 @@ void Posterior::error_parameters() {
     if (free_errors_.empty()) return;
     ErrorProblem profiled = errors_;
     profiled.follow = Follow::all;
-    Eigen::MatrixXd hessian = error_hessian(profiled, state_.psi, free_errors_);
+    Eigen::MatrixXd hessian = error_hessian(profiled, point_, state_.psi, free_errors_);
     // A logarithm whose sd would be thirty: the objective is flat there, nothing else depends on it, and neither its
     // curvature nor its sd is meaningful.
     constexpr double least_curvature = 1e-3;
@@ -156,7 +156,8 @@ void Posterior::add_error_uncertainty() {
                 standard_arrow(set_, minimum_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected)
                     .arrow,
                 0.0);
-            difference += sign / (2.0 * h) * (errors_.basis.transpose() * (reduced_problem.r.transpose() * reduced_problem.rhs));
+            difference +=
+                sign / (2.0 * h) * (errors_.basis.transpose() * (reduced_problem.r.transpose() * reduced_problem.rhs));
         }
         models::solve_transposed_upper_in_place(point_.triangle, difference);
         models::solve_upper_in_place(point_.triangle, difference);

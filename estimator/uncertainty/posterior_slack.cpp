@@ -23,7 +23,8 @@ void Posterior::leave_out_slack() {
     models::solve_upper_in_place(point_.triangle, steps);
     steps = errors_.basis * steps;
     const BlockArrow& arrow = point_.standard.arrow;
-    const std::vector<Eigen::VectorXd> still = latent_steps(arrow, point_.reduced_problem, Eigen::VectorXd::Zero(steps.rows()));
+    const std::vector<Eigen::VectorXd> still =
+        latent_steps(arrow, point_.reduced_problem, Eigen::VectorXd::Zero(steps.rows()));
     std::vector<std::vector<Eigen::VectorXd>> moved;
     for (Eigen::Index j = 0; j < rank; ++j)
         moved.push_back(latent_steps(arrow, point_.reduced_problem, steps.col(j)));
