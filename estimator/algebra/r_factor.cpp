@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -16,6 +17,9 @@ namespace {
 /// Row sizes that differ by less do not need sorting: they lose at most three digits of the lightest row. Unsorted
 /// problems of one scale are common and time-critical.
 constexpr double mixed_weights = 1e3;
+
+/// Entries up to which a panel is reflected by plain loops: there a call for blocks costs more than the sums.
+constexpr Eigen::Index small_panel = 256;
 
 /// Heavy rows first, where the rows differ enough for it to matter.
 void sort_rows(Eigen::MatrixXd& a) {
@@ -39,12 +43,51 @@ void sort_rows(Eigen::MatrixXd& a) {
     a = std::move(sorted);
 }
 
+/// Two sums side by side: each waits for its own last addition only.
+double dot(const double* a, const double* b, Eigen::Index count) {
+    double even = 0.0;
+    double odd = 0.0;
+    Eigen::Index k = 0;
+    for (; k + 1 < count; k += 2) {
+        even += a[k] * b[k];
+        odd += a[k + 1] * b[k + 1];
+    }
+    if (k < count) even += a[k] * b[k];
+    return even + odd;
+}
+
+/// Householder reflections of a small matrix by plain loops. What is below the diagonal is left as it comes.
+void reflect_small(Eigen::MatrixXd& a) {
+    for (Eigen::Index k = 0; k < std::min(a.rows() - 1, a.cols()); ++k) {
+        const Eigen::Index below = a.rows() - k - 1;
+        double* const pivot = &a(k, k);
+        const double square = dot(pivot + 1, pivot + 1, below);
+        if (!(square > std::numeric_limits<double>::min()) && !std::isnan(square)) continue;
+        const double diagonal = -std::copysign(std::sqrt(pivot[0] * pivot[0] + square), pivot[0]);
+        const double share = (diagonal - pivot[0]) / diagonal;
+        const double scale = 1.0 / (pivot[0] - diagonal);
+        for (Eigen::Index i = 1; i <= below; ++i)
+            pivot[i] *= scale;
+        for (Eigen::Index j = k + 1; j < a.cols(); ++j) {
+            double* const column = &a(k, j);
+            const double along = share * (column[0] + dot(pivot + 1, column + 1, below));
+            column[0] -= along;
+            for (Eigen::Index i = 1; i <= below; ++i)
+                column[i] -= along * pivot[i];
+        }
+        pivot[0] = diagonal;
+    }
+}
+
 /// Triangle of one panel into the rows of `result`.
 void panel_triangle(const Eigen::Ref<const Eigen::MatrixXd>& a, Eigen::Ref<Eigen::MatrixXd> result) {
     Eigen::MatrixXd panel = a;
     sort_rows(panel);
     const Eigen::Index rows = std::min(panel.rows(), panel.cols());
-    models::householder_in_place(panel);
+    if (panel.size() <= small_panel)
+        reflect_small(panel);
+    else
+        models::householder_in_place(panel);
     result.topRows(rows) = panel.topRows(rows).triangularView<Eigen::Upper>();
     result.bottomRows(result.rows() - rows).setZero();
 }
@@ -100,23 +143,6 @@ void add_diagonal(Eigen::MatrixXd& triangle, const Eigen::VectorXd& diagonal) {
         }
     }
 }
-
-namespace {
-
-/// Two sums side by side: each waits for its own last addition only.
-double dot(const double* a, const double* b, Eigen::Index count) {
-    double even = 0.0;
-    double odd = 0.0;
-    Eigen::Index k = 0;
-    for (; k + 1 < count; k += 2) {
-        even += a[k] * b[k];
-        odd += a[k + 1] * b[k + 1];
-    }
-    if (k < count) even += a[k] * b[k];
-    return even + odd;
-}
-
-}  // namespace
 
 Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::Index first, const double* limit,
                        Eigen::Index count, Eigen::Index* order) {

@@ -54,6 +54,8 @@ struct NoiseModel {
     [[nodiscard]] Eigen::VectorXd own(const Eigen::VectorXd& psi) const { return psi.segment(first, size()); }
     /// Records may be replaced by the R factor of their rows: the law depends on sums of squares only.
     [[nodiscard]] bool compressible() const;
+    /// Whether all of Curvature are the same: normal errors whose covariance does not depend on the prediction.
+    [[nodiscard]] bool has_one_curvature() const;
     /// Whitened rows per record: relative errors have two, first all of the mean and then all of the variance.
     [[nodiscard]] int rows_per_record() const { return std::holds_alternative<RelativeErrors>(distribution) ? 2 : 1; }
     /// Its records need y: relative errors for the prediction y - e, lognormal ones for ln y.

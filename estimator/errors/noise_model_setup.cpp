@@ -162,6 +162,10 @@ bool NoiseModel::compressible() const {
                         std::holds_alternative<LogNormalErrors>(distribution));
 }
 
+bool NoiseModel::has_one_curvature() const {
+    return joint() || compressible() || std::holds_alternative<AutoregressiveErrors>(distribution);
+}
+
 bool NoiseModel::needs_observed() const {
     return std::holds_alternative<RelativeErrors>(distribution) ||
            std::holds_alternative<LogNormalErrors>(distribution);

@@ -40,7 +40,7 @@ Eigen::MatrixXd first_hessian(const ErrorProblem& problem, const ErrorPoint& poi
     }
     // Latent states distribute the residuals between scales: their curvature is far from that of separate ones.
     if (plain && problem.set->latents == 0) return diagonal.asDiagonal();
-    return made_definite(error_hessian(problem, psi, free));
+    return made_definite(error_hessian(problem, point, psi, free));
 }
 
 /// A place to go to.
@@ -54,7 +54,7 @@ struct ErrorTrial {
 class ErrorDescent {
 public:
     ErrorDescent(const ErrorProblem& problem, const Eigen::VectorXd& start, const Eigen::VectorXd& floor,
-                 const Eigen::VectorXd& ceiling, const ErrorSearch& search)
+                 const Eigen::VectorXd& ceiling, const ErrorSearch& search, std::optional<WhitenedArrow> standard)
         : problem_(problem),
           floor_(floor),
           ceiling_(ceiling),
@@ -65,7 +65,8 @@ public:
             if (problem.free[static_cast<std::size_t>(k)]) minimum_.psi[k] = within_limits(k, start[k]);
         minimum_.at_floor.assign(static_cast<std::size_t>(start.size()), false);
         minimum_.at_ceiling = minimum_.at_floor;
-        point_ = evaluate_errors(problem, minimum_.psi);
+        point_ = standard && minimum_.psi == start ? evaluate_errors(problem, start, *std::move(standard))
+                                                   : evaluate_errors(problem, minimum_.psi);
         minimum_.before = minimum_.after = point_.value;
     }
 
@@ -90,7 +91,8 @@ private:
     const Eigen::VectorXd& ceiling_;
     const ErrorSearch& search_;
     ErrorMinimum minimum_;
-    ErrorPoint point_;                ///< at minimum_.psi
+    ErrorPoint point_;  ///< at minimum_.psi, unless the last step was taken without a trial
+    bool at_psi_ = true;
     std::vector<Eigen::Index> free_;  ///< not held at a limit
     ErrorCurvature unknown_;
     ErrorCurvature& curvature_;
@@ -139,6 +141,7 @@ void ErrorDescent::take_untried(const Eigen::VectorXd& newton) {
     }
     minimum_.after += 0.5 * gradient.dot(newton);
     ++minimum_.steps;
+    at_psi_ = false;
 }
 
 /// Newton's step, and fixed-point ones where it does not reach.
@@ -226,14 +229,16 @@ ErrorMinimum ErrorDescent::run() {
         halve(best);
         move_to(std::move(best));
     }
+    if (at_psi_) minimum_.standard = std::move(point_.standard);
     return std::move(minimum_);
 }
 
 }  // namespace
 
 ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& start, const Eigen::VectorXd& floor,
-                             const Eigen::VectorXd& ceiling, const ErrorSearch& search) {
-    return ErrorDescent(problem, start, floor, ceiling, search).run();
+                             const Eigen::VectorXd& ceiling, const ErrorSearch& search,
+                             std::optional<WhitenedArrow> standard) {
+    return ErrorDescent(problem, start, floor, ceiling, search, std::move(standard)).run();
 }
 
 Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimum& minimum) {
@@ -250,10 +255,11 @@ Eigen::VectorXd integrated_scales(const ErrorProblem& problem, const ErrorMinimu
         if (!problem.free[index] || !law.compressible() || minimum.at_floor[index] || minimum.at_ceiling[index])
             continue;
         if (std::holds_alternative<FlatPrior>(law.coordinates.front().prior)) continue;
-        const double curvature = error_hessian(problem, minimum.psi, {k})(0, 0);
+        const ErrorPoint point = evaluate_errors(problem, minimum.psi);
+        const double curvature = error_hessian(problem, point, minimum.psi, {k})(0, 0);
         if (!(curvature > 0.0)) continue;
         const double width = std::sqrt(2.0 / curvature);
-        const double at_minimum = evaluate_errors(problem, minimum.psi).value;
+        const double at_minimum = point.value;
         double total = 0.0;
         double weight = 0.0;
         for (Eigen::Index i = 0; i < nodes; ++i) {

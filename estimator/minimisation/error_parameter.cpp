@@ -66,7 +66,7 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
     Traces result;
     std::size_t count = 0;
     bool any_linked = false;
-    for (const BlockRows& block : problem.rows) {
+    for (const BlockRows& block : *problem.rows) {
         result.own.push_back(count);
         for_coordinates(problem, block, block.parts, [&](const RowCoordinate&) { ++count; });
         result.linked.push_back(count);
@@ -80,27 +80,26 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
                          const Eigen::Ref<const Eigen::MatrixXd>& rows,
                          const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
         if (rows.rows() == 0 || covariance.cols() == 0) return;
-        for_coordinates(problem, problem.rows[b], parts, [&](const RowCoordinate& coordinate) {
+        for_coordinates(problem, (*problem.rows)[b], parts, [&](const RowCoordinate& coordinate) {
             if (coordinate.plain) {
                 result.value[slot++] = -leverage(rows, covariance, coordinate.first, coordinate.rows);
                 return;
             }
             const WhitenedRows<double> derivative = standard_rows_derivative(
-                problem.rows[b], parts, *problem.laws, psi, coordinate.k, Curvature::expected, {rows, 0.0});
+                (*problem.rows)[b], parts, *problem.laws, psi, coordinate.k, Curvature::expected, {rows, 0.0});
             const auto columns = covariance.cols();
             result.value[slot++] =
                 derivative.rows.leftCols(columns).cwiseProduct(rows.leftCols(columns) * covariance).sum();
         });
     };
     const CovarianceUse own = [&](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
-        use(b, problem.rows[b].parts, result.own[b], point.standard.own_rows(b), covariance);
+        use(b, (*problem.rows)[b].parts, result.own[b], point.standard.own_rows(b), covariance);
     };
     const CovarianceUse linked = [&](std::size_t b, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
-        if (problem.rows[b].linked_parts.empty()) return;
-        use(b, problem.rows[b].linked_parts, result.linked[b], point.standard.linked_rows(b), covariance);
+        if ((*problem.rows)[b].linked_parts.empty()) return;
+        use(b, (*problem.rows)[b].linked_parts, result.linked[b], point.standard.linked_rows(b), covariance);
     };
-    visit_covariance(point.standard.arrow, point.reduced_problem,
-                     problem.restricted ? inverse_square(point.triangle) : Eigen::MatrixXd(), own,
+    visit_covariance(point.standard.arrow, point.reduced_problem, parameter_covariance(problem, point), own,
                      any_linked ? linked : CovarianceUse());
     return result;
 }
@@ -157,6 +156,7 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
 /// The step of parameters and latent states that errors follow: to the minimum of the quadratic model.
 struct Followed {
     Eigen::VectorXd y;
+    Eigen::VectorXd u;                 ///< basis y
     std::vector<Eigen::VectorXd> d_z;  ///< empty: neither moves
 };
 
@@ -173,7 +173,8 @@ Followed followed(const ErrorProblem& problem, const ErrorPoint& point, const Ei
     } else {
         step.y.setZero();
     }
-    step.d_z = latent_steps(point.standard.arrow, point.reduced_problem, step.y);
+    step.u = problem.basis * step.y;
+    step.d_z = latent_steps(point.standard.arrow, point.reduced_problem, step.u);
     return step;
 }
 
@@ -183,23 +184,23 @@ void add_all_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const
     const RowSums zero{Eigen::VectorXd::Zero(psi.size()), Eigen::VectorXd::Zero(psi.size()),
                        Eigen::VectorXd::Zero(psi.size())};
     const bool moving = !step.d_z.empty();
-    std::vector<RowSums> sums(pieces_of(problem.rows.size()), zero);
-    for_pieces(problem.rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+    std::vector<RowSums> sums(pieces_of(problem.rows->size()), zero);
+    for_pieces(problem.rows->size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         // One vector for each kind of rows: a vector that changes its length asks for memory each time.
         Eigen::VectorXd own_step, linked_step, own_errors, linked_errors;
         for (std::size_t b = begin; b < end; ++b) {
-            const BlockRows& block = problem.rows[b];
+            const BlockRows& block = (*problem.rows)[b];
             if (moving) {
-                own_step.resize(step.d_z[b].size() + step.y.size());
-                own_step << step.d_z[b], step.y;
+                own_step.resize(step.d_z[b].size() + step.u.size());
+                own_step << step.d_z[b], step.u;
             }
             add_rows(problem, psi, block, block.parts, point.standard.own_rows(b), trace.value.data() + trace.own[b],
                      own_step, own_errors, sums[piece]);
             if (block.linked_parts.empty()) continue;
             if (moving) {
                 const Eigen::VectorXd& next = step.d_z[static_cast<std::size_t>(block.next)];
-                linked_step.resize(step.d_z[b].size() + next.size() + step.y.size());
-                linked_step << step.d_z[b], next, step.y;
+                linked_step.resize(step.d_z[b].size() + next.size() + step.u.size());
+                linked_step << step.d_z[b], next, step.u;
             }
             add_rows(problem, psi, block, block.linked_parts, point.standard.linked_rows(b),
                      trace.value.data() + trace.linked[b], linked_step, linked_errors, sums[piece]);
@@ -230,23 +231,34 @@ void add_error_priors(const ErrorProblem& problem, const Eigen::VectorXd& psi, E
 
 }  // namespace
 
+Eigen::MatrixXd parameter_covariance(const ErrorProblem& problem, const ErrorPoint& point) {
+    if (!problem.restricted) return {};
+    return problem.basis * inverse_square(point.triangle) * problem.basis.transpose();
+}
+
 ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi) {
+    return evaluate_errors(
+        problem, psi,
+        standard_arrow(*problem.set, *problem.rows, *problem.laws, psi, problem.matching, Curvature::expected, true));
+}
+
+ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi, WhitenedArrow standard) {
     const Eigen::Index rank = problem.prior_gradient.size();
     ErrorPoint point;
-    point.standard =
-        standard_arrow(*problem.set, problem.rows, *problem.laws, psi, problem.matching, Curvature::expected, true);
+    point.standard = std::move(standard);
     point.reduced_problem = condense(point.standard.arrow, 0.0);
     point.value = point.standard.value;
 
     // The determined parameters with their prior: R factor and best step y.
-    Eigen::MatrixXd stacked(rank + problem.prior_rows.rows(), rank + 1);
-    stacked << point.reduced_problem.r, point.reduced_problem.rhs, problem.prior_rows,
+    Eigen::MatrixXd stacked(problem.basis.rows() + problem.prior_rows.rows(), rank + 1);
+    stacked << point.reduced_problem.r * problem.basis, point.reduced_problem.rhs, problem.prior_rows,
         Eigen::VectorXd::Zero(problem.prior_rows.rows());
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
     point.triangle = factor.topLeftCorner(rank, rank);
+    point.rest = point.reduced_problem.rest * point.reduced_problem.rest + factor(rank, rank) * factor(rank, rank);
     const Followed step = followed(problem, point, factor.topRightCorner(rank, 1));
     if (!step.d_z.empty()) {
-        const ModelChange change = model_change(point.standard.arrow, step.y, step.d_z);
+        const ModelChange change = model_change(point.standard.arrow, step.u, step.d_z);
         point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(step.y) +
                        0.5 * (problem.prior_rows * step.y).squaredNorm();
     }
@@ -257,8 +269,25 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
     return point;
 }
 
-Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+namespace {
+
+/// Whether one scale s whitens everything: the whole problem is then that of s = 1 divided by s, and
+/// Phi_psi = const + n ln s + ||e||^2 / (2 s^2) with other n where parameters or states are integrated.
+bool one_scale_for_all(const ErrorProblem& problem, const std::vector<Eigen::Index>& free) {
+    if (problem.laws->size() != 1 || free.size() != 1 || problem.set->constraints > 0) return false;
+    const NoiseModel& law = problem.laws->front();
+    return law.compressible() && std::holds_alternative<FlatPrior>(law.coordinates.front().prior) &&
+           problem.prior_rows.isZero(0.0) && problem.prior_gradient.isZero(0.0);
+}
+
+}  // namespace
+
+Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& psi,
                               const std::vector<Eigen::Index>& free) {
+    if (one_scale_for_all(problem, free)) {
+        const double square = problem.follow == Follow::all ? point.rest : point.fit[free.front()];
+        return Eigen::MatrixXd::Constant(1, 1, 2.0 * square);
+    }
     // Four points: error h^4 / 30 of a fifth derivative that is about 64 n, against rounding / h. Two points: error h^2
     // / 6 of a third one that is about 8 n, a millionth. That is enough where each of them takes long.
     constexpr double h = 1e-3;

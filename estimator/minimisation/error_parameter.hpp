@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -25,7 +26,8 @@ enum class Follow { latents, all };
 struct ErrorProblem {
     const BlockSet* set = nullptr;
     const std::vector<NoiseModel>* laws = nullptr;
-    std::vector<BlockRows> rows;     ///< columns of theta in the basis of determined directions (see BoundedStep)
+    const std::vector<BlockRows>* rows = nullptr;  ///< the linearisation, columns of u
+    Eigen::MatrixXd basis;           ///< determined directions y, u = basis y, shape (q, rank): BoundedStep::from_data
     Eigen::MatrixXd prior_rows;      ///< square root of the curvature of the parameter prior times basis
     Eigen::VectorXd prior_gradient;  ///< basis^T gradient, shape (rank)
     std::vector<bool> free;          ///< error parameters that are estimated and have data
@@ -42,18 +44,28 @@ struct ErrorPoint {
     /// else 0.
     Eigen::VectorXd fit;
     Eigen::VectorXd left;
+    double rest = 0.0;       ///< sum of all squares at the minimum of the quadratic model over z and theta, no prior
     WhitenedArrow standard;  ///< rows kept
-    ReducedProblem reduced_problem;
-    Eigen::MatrixXd triangle;  ///< R of the determined parameters with prior, latent states eliminated
+    ReducedProblem reduced_problem;  ///< in the columns of u
+    Eigen::MatrixXd triangle;        ///< R of the determined parameters with prior, latent states eliminated
 };
 
 /// d/dpsi_k = d(-ln p)/dpsi_k + tr(P S^T dS/dpsi_k), P = covariance of (z, theta) ("ml": of z), see (M10) for scales.
 [[nodiscard]] ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi);
+/// The same where the rows are whitened and factorised already. @param standard  at psi, with the expected curvature
+/// and rows kept.
+[[nodiscard]] ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
+                                         WhitenedArrow standard);
 
-/// Second derivatives of Phi_psi with respect to the free error parameters by central differences of its gradient,
-/// shape (free, free).
-[[nodiscard]] Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const Eigen::VectorXd& psi,
-                                            const std::vector<Eigen::Index>& free);
+/// Covariance of u that enters (M10): of the determined parameters if restricted, shape (q, q), else (0, 0).
+[[nodiscard]] Eigen::MatrixXd parameter_covariance(const ErrorProblem& problem, const ErrorPoint& point);
+
+/// Second derivatives of Phi_psi with respect to the free error parameters, shape (free, free): by central differences
+/// of its gradient. Where one normal scale without prior whitens the whole problem it is 2 ||e||^2 / s^2, with theta at
+/// its best if it follows.
+/// @param point  of evaluate_errors() at psi, whatever follows there.
+[[nodiscard]] Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const ErrorPoint& point,
+                                            const Eigen::VectorXd& psi, const std::vector<Eigen::Index>& free);
 
 struct ErrorMinimum {
     Eigen::VectorXd psi;
@@ -62,8 +74,9 @@ struct ErrorMinimum {
     int steps = 0;
     /// largest |gradient| of a free parameter over the root of its curvature: distance to the minimum in sds
     double distance = 0.0;
-    std::vector<bool> at_floor;    ///< held at its lower limit; for a scale: residuals at rounding level
-    std::vector<bool> at_ceiling;  ///< held at its upper limit
+    std::vector<bool> at_floor;             ///< held at its lower limit; for a scale: residuals at rounding level
+    std::vector<bool> at_ceiling;           ///< held at its upper limit
+    std::optional<WhitenedArrow> standard;  ///< factorised at psi; none where the last step was taken without a trial
 };
 
 /// What a minimisation learned about the curvature of Phi_psi over the free parameters, for the next one.
@@ -85,9 +98,11 @@ struct ErrorSearch {
 /// Fixed-point steps of (M10) far from the minimum, secant steps near it; each accepted step decreases Phi_psi.
 ///
 /// @param floor, ceiling  limits of psi.
+/// @param standard       what is factorised at psi already, see evaluate_errors(); none: computed here.
 [[nodiscard]] ErrorMinimum minimise_errors(const ErrorProblem& problem, const Eigen::VectorXd& psi,
                                            const Eigen::VectorXd& floor, const Eigen::VectorXd& ceiling,
-                                           const ErrorSearch& search = {});
+                                           const ErrorSearch& search = {},
+                                           std::optional<WhitenedArrow> standard = std::nullopt);
 
 /// Scales of normal errors at which the weight used by steps equals the expected weight under the conditional density
 /// of ln s: s^-2 = E[s^-2 | theta]. With Jeffreys' prior this is the minimum of (M9) itself. With another prior the

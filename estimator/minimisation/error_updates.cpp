@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace orbid::estimator {
 
@@ -68,7 +69,7 @@ ErrorUpdates::Decision ErrorUpdates::decide(const Minimum& minimum, const BlockA
 }
 
 Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State& state, Minimum& minimum,
-                                       SolverStatistics& ledger) {
+                                       SolverStatistics& ledger, std::optional<WhitenedArrow>& standard) {
     const ErrorProblem errors = error_problem(problem_, set_, minimum, follow);
     const ErrorLimits limit = error_limits(problem_, set_, state, minimum.rows, latent_fit_);
     rounding_ = limit.rounding;
@@ -81,13 +82,19 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
         search.known = &curvature_;
         if (length > 1e-2 && set_.constraints == 0) search.untried = 0.1;
     }
-    const ErrorMinimum found = minimise_errors(errors, state.psi, limit.floor, limit.ceiling, search);
+    ErrorMinimum found =
+        minimise_errors(errors, state.psi, limit.floor, limit.ceiling, search, std::exchange(standard, std::nullopt));
     if (found.steps > 0)
         ledger.history.push_back({ledger.round, StepBlock::scales, true, found.before, found.after, 0.0,
                                   StepRejection::none, set_.provisional});
     minimum.error_at_floor = found.at_floor;
     minimum.error_at_ceiling = found.at_ceiling;
-    return problem_.options.variance == Variance::integrated ? integrated_scales(errors, found) : found.psi;
+    if (problem_.options.variance == Variance::integrated) {
+        const Eigen::VectorXd psi = integrated_scales(errors, found);
+        if (psi != found.psi) return psi;
+    }
+    standard = std::move(found.standard);
+    return found.psi;
 }
 
 }  // namespace orbid::estimator

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include <Eigen/Core>
@@ -33,9 +34,10 @@ public:
     [[nodiscard]] Decision decide(const Minimum& minimum, const BlockArrow& arrow, const Eigen::VectorXd& psi,
                                   const StepTaken& last) const;
     /// psi at the minimum of Phi_psi. It is noted in the history and in the limits of `minimum`.
-    /// @param length  of the full step of the parameters, in posterior sds
+    /// @param length    of the full step of the parameters, in posterior sds
+    /// @param standard  what is factorised at the state already, see evaluate_errors(); becomes that of the psi found
     [[nodiscard]] Eigen::VectorXd searched(Follow follow, double length, const State& state, Minimum& minimum,
-                                           SolverStatistics& ledger);
+                                           SolverStatistics& ledger, std::optional<WhitenedArrow>& standard);
     /// Why a full covariance cannot be estimated; empty when it can.
     [[nodiscard]] std::string refusal(const Minimum& minimum, const Eigen::VectorXd& psi) const {
         return why_no_covariance(problem_, set_, psi, minimum.step.space.data.cols());

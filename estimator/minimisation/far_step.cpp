@@ -23,11 +23,10 @@ CovarianceRows covariance_rows(const ErrorProblem& problem, const ErrorPoint& po
         return result;
     };
     CovarianceRows result;
-    result.own.resize(problem.rows.size());
-    result.linked.resize(problem.rows.size());
+    result.own.resize(problem.rows->size());
+    result.linked.resize(problem.rows->size());
     visit_covariance(
-        point.standard.arrow, point.reduced_problem,
-        problem.restricted ? inverse_square(point.triangle) : Eigen::MatrixXd(),
+        point.standard.arrow, point.reduced_problem, parameter_covariance(problem, point),
         [&](std::size_t b, const Rows& p) { result.own[b] = through(point.standard.own_rows(b), p); },
         [&](std::size_t b, const Rows& p) {
             if (point.standard.linked_records[b] > 0) result.linked[b] = through(point.standard.linked_rows(b), p);
@@ -63,9 +62,9 @@ void joint_step(const ErrorProblem& problem, const ErrorPoint& point, const Nois
             row += rows;
         }
     };
-    for (std::size_t b = 0; b < problem.rows.size(); ++b) {
-        add(problem.rows[b].parts, point.standard.own_rows(b), spread.own[b]);
-        add(problem.rows[b].linked_parts, point.standard.linked_rows(b), spread.linked[b]);
+    for (std::size_t b = 0; b < problem.rows->size(); ++b) {
+        add((*problem.rows)[b].parts, point.standard.own_rows(b), spread.own[b]);
+        add((*problem.rows)[b].linked_parts, point.standard.linked_rows(b), spread.linked[b]);
     }
     problem.set->spread.sum(std::span<double>(sum.data(), static_cast<std::size_t>(sum.size())));
     records = problem.set->spread.sum(records);

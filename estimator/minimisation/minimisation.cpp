@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "estimator/minimisation/plain_least_squares.hpp"
@@ -66,7 +67,7 @@ Standing Minimisation::standing() {
 /// One trial. @return false: the minimisation is over
 bool Minimisation::go_on() {
     const TrialStep& full = full_step();
-    TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, radius_);
+    TrialStep step = full.length <= 1.1 * radius_ ? full : step_within(model_, full, radius_);
     stages_.count_trial(minimum_.matching);
     if (unsettled()) return false;
     if (step.mu == 0.0 && !stopping_.after_rejection() && minimum_.remaining < stretched_within_sds)
@@ -96,23 +97,48 @@ bool Minimisation::end_at(std::vector<std::size_t> stopped) {
 bool Minimisation::update_errors() {
     factorise_errors();
     set_model();
-    const auto adopt_errors = [this](const Eigen::VectorXd& psi) {
-        if (psi != state_.psi) rescale([&] { state_.psi = psi; });
-    };
-    if (set_.provisional && stopping_.at_start()) adopt_errors(errors_.followed(minimum_, state_, ledger_.round));
-    const ErrorUpdates::Decision decision = errors_.decide(minimum_, arrow_, state_.psi, last_);
+    if (set_.provisional && stopping_.at_start()) {
+        const Eigen::VectorXd psi = errors_.followed(minimum_, state_, ledger_.round);
+        if (psi != state_.psi)
+            rescale([&] {
+                state_.psi = psi;
+                factorise_errors();
+            });
+    }
+    const ErrorUpdates::Decision decision = errors_.decide(minimum_, standard_.arrow, state_.psi, last_);
     std::string refusal = decision.refusal;
     if (decision.search) {
-        adopt_errors(errors_.searched(decision.follow, model_length_, state_, minimum_, ledger_));
+        search_errors(decision.follow);
         refusal = errors_.refusal(minimum_, state_.psi);
     }
     if (!refusal.empty()) conclude(Outcome::no_freedom, refusal);
     return refusal.empty();
 }
 
+/// The error parameters at their minimum.
+void Minimisation::search_errors(Follow follow) {
+    std::optional<WhitenedArrow> standard;
+    if (one_curvature_) standard = std::move(standard_);
+    const Eigen::VectorXd psi = errors_.searched(follow, model_length_, state_, minimum_, ledger_, standard);
+    if (!one_curvature_) standard.reset();
+    if (psi != state_.psi) {
+        rescale([&] {
+            state_.psi = psi;
+            standard ? take_factor(*std::move(standard)) : factorise_errors();
+        });
+    } else if (standard) {
+        standard_ = *std::move(standard);
+    } else if (one_curvature_) {
+        factorise_errors();
+    }
+}
+
 /// The next stage of the constraints.
 void Minimisation::tighten() {
-    rescale([this] { minimum_.matching = stages_.begin_next(minimum_.matching); });
+    rescale([this] {
+        minimum_.matching = stages_.begin_next(minimum_.matching);
+        factorise_errors();
+    });
     errors_.forget_curvature();
     radius_ = std::max(radius_, initial_radius());
 }

@@ -27,7 +27,8 @@ public:
           ledger_(ledger),
           stages_(problem, set, state, limited),
           errors_(problem, set),
-          stopping_(problem, set, ledger) {}
+          stopping_(problem, set, ledger),
+          one_curvature_(has_one_curvature(set, problem.laws)) {}
 
     Minimum run();
     /// Whether run() gave up in a stage of loose constraints that did not settle.
@@ -53,7 +54,9 @@ private:
     bool update_errors();
     void tighten();
     void rescale(const std::function<void()>& change);
+    void search_errors(Follow follow);
     void factorise_errors();
+    void take_factor(WhitenedArrow standard);
     void set_model();
     const TrialStep& full_step();
     [[nodiscard]] double initial_radius() const;
@@ -94,8 +97,11 @@ private:
     Stopping stopping_;
 
     Minimum minimum_;
-    BlockArrow arrow_;
-    double value_ = 0.0;  ///< -ln p of the errors at the state, without ln|Sigma|
+    /// Whether errors ask for the same rows in steps and in expectation: a search over their parameters then begins
+    /// and ends with rows that are factorised for steps as well.
+    bool one_curvature_;
+    WhitenedArrow standard_;  ///< at the state; its value is -ln p of the errors without ln|Sigma|
+    ReducedProblem reduced_;  ///< of it, undamped
     StepModel model_;
     std::optional<TrialStep> full_;  ///< the full step of the model, once asked for
     double model_length_ = 0.0;      ///< of the full step of the parameters, in posterior sds

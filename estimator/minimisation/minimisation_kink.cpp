@@ -70,7 +70,7 @@ Eigen::MatrixXd Minimisation::hessian() {
     const Eigen::Index n = unknowns();
     const auto along = [&](const Eigen::VectorXd& p) {
         const TrialStep step = step_of(p);
-        return model_change(arrow_, step.parameters.d, step.latents).quadratic +
+        return model_change(standard_.arrow, step.parameters.d, step.latents).quadratic +
                minimum_.prior.quadratic(step.parameters.d);
     };
     Eigen::MatrixXd result(n, n);

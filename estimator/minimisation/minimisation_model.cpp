@@ -5,7 +5,7 @@
 namespace orbid::estimator {
 
 double Minimisation::objective() const {
-    double value = value_ + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
+    double value = standard_.value + 0.5 * set_.ln_det_shapes + minimum_.prior.value;
     if (set_.constraints == 0) return value;
     double square = 0.0;
     for (const BlockRows& block : minimum_.rows)
@@ -16,7 +16,7 @@ double Minimisation::objective() const {
 /// Half the sum of squares of whitened residuals and constraints.
 double Minimisation::misfit() const {
     double square = 0.0;
-    for (const BlockTriangle& block : arrow_.blocks) {
+    for (const BlockTriangle& block : standard_.arrow.blocks) {
         square += block.triangle.rightCols(1).squaredNorm();
         if (block.link.size() > 0) square += block.link.rightCols(1).squaredNorm();
     }
@@ -24,42 +24,43 @@ double Minimisation::misfit() const {
 }
 
 void Minimisation::factorise_errors() {
-    WhitenedArrow standard =
-        standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature());
-    arrow_ = std::move(standard.arrow);
-    value_ = standard.value;
+    take_factor(
+        standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), one_curvature_));
+}
+
+void Minimisation::take_factor(WhitenedArrow standard) {
+    standard_ = std::move(standard);
+    reduced_ = condense(standard_.arrow, 0.0);
 }
 
 void Minimisation::set_model() {
     const Eigen::VectorXd fallback = sizes(problem_, state_.theta);
-    const ReducedProblem reduced_problem = condense(arrow_, 0.0);
-    Eigen::VectorXd norm = reduced_problem.r.colwise().norm().transpose();
+    Eigen::VectorXd norm = reduced_.r.colwise().norm().transpose();
     for (Eigen::Index i = 0; i < norm.size(); ++i)
         if (!(norm[i] > 0.0)) norm[i] = 1.0 / fallback[i];
     model_.damping = model_.damping.size() == norm.size() ? Eigen::VectorXd(model_.damping.cwiseMax(norm)) : norm;
-    model_.arrow = &arrow_;
+    model_.arrow = &standard_.arrow;
     model_.prior = &minimum_.prior;
     model_.bounds = {stages_.lower() - state_.u, stages_.upper() - state_.u};
     model_.fallback = fallback;
     model_.rank_tolerance = problem_.options.relative_singular_value;
-    minimum_.step = bounded_step(reduced_problem, minimum_.prior, model_.bounds, 0.0, model_.damping, fallback,
-                                 model_.rank_tolerance);
-    model_length_ = (reduced_problem.r * minimum_.step.d).norm();
+    minimum_.step =
+        bounded_step(reduced_, minimum_.prior, model_.bounds, 0.0, model_.damping, fallback, model_.rank_tolerance);
+    model_length_ = (reduced_.r * minimum_.step.d).norm();
     full_.reset();
 }
 
 /// The full step of the model, with the latent states.
 const TrialStep& Minimisation::full_step() {
-    if (!full_) full_ = step_at(model_, 0.0);
+    if (!full_) full_ = step_with(model_, reduced_, minimum_.step, 0.0);
     return *full_;
 }
 
-/// Damping and radius are kept in units of the standardised problem, which `change` changes.
+/// Damping and radius are kept in units of the standardised problem, which `change` changes and factorises.
 void Minimisation::rescale(const std::function<void()>& change) {
-    const Eigen::VectorXd before = condense(arrow_, 0.0).r.colwise().norm();
+    const Eigen::VectorXd before = reduced_.r.colwise().norm();
     change();
-    factorise_errors();
-    const Eigen::VectorXd after = condense(arrow_, 0.0).r.colwise().norm();
+    const Eigen::VectorXd after = reduced_.r.colwise().norm();
     double old_size = 0.0;
     double new_size = 0.0;
     const Eigen::VectorXd size = sizes(problem_, state_.theta);
@@ -80,7 +81,7 @@ double Minimisation::initial_radius() const {
     double square = 0.0;
     for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
         if (!set_.spread.owns(b)) continue;
-        const Eigen::VectorXd& norm = arrow_.blocks[b].norm;
+        const Eigen::VectorXd& norm = standard_.arrow.blocks[b].norm;
         const Eigen::VectorXd& z = state_.latents[set_.blocks[b].residual][set_.blocks[b].block];
         square += norm.cwiseProduct(z.cwiseAbs().cwiseMax(Eigen::VectorXd::Ones(norm.size()))).squaredNorm();
     }

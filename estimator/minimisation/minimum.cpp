@@ -22,7 +22,8 @@ ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Mi
     ErrorProblem errors;
     errors.set = &set;
     errors.laws = &problem.laws;
-    errors.rows = in_basis(minimum.rows, minimum.step.from_data);
+    errors.rows = &minimum.rows;
+    errors.basis = minimum.step.from_data;
     errors.prior_rows = minimum.prior.rows * minimum.step.decided;
     errors.prior_gradient = minimum.step.decided.transpose() * minimum.prior.gradient;
     errors.free = free_errors(problem, set);

@@ -46,7 +46,7 @@ void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd&
 /// For messages.
 [[nodiscard]] std::string two_figures(double value);
 
-/// Problem of the error parameters at a linearisation.
+/// Problem of the error parameters at a linearisation, to which it refers.
 [[nodiscard]] ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum,
                                          Follow follow);
 

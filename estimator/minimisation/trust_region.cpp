@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace orbid::estimator {
 
@@ -19,11 +20,17 @@ void stretch(TrialStep& step, double factor) {
 }
 
 TrialStep step_at(const StepModel& model, double mu) {
+    const ReducedProblem reduced_problem = condense(*model.arrow, mu);
+    return step_with(model, reduced_problem,
+                     bounded_step(reduced_problem, *model.prior, model.bounds, mu, model.damping, model.fallback,
+                                  model.rank_tolerance),
+                     mu);
+}
+
+TrialStep step_with(const StepModel& model, const ReducedProblem& reduced_problem, BoundedStep parameters, double mu) {
     TrialStep step;
     step.mu = mu;
-    const ReducedProblem reduced_problem = condense(*model.arrow, mu);
-    step.parameters = bounded_step(reduced_problem, *model.prior, model.bounds, mu, model.damping, model.fallback,
-                                   model.rank_tolerance);
+    step.parameters = std::move(parameters);
     const Eigen::VectorXd& d = step.parameters.d;
     step.latents = latent_steps(*model.arrow, reduced_problem, d);
     const ModelChange change = model_change(*model.arrow, d, step.latents);
@@ -41,9 +48,9 @@ TrialStep step_at(const StepModel& model, double mu) {
     return step;
 }
 
-TrialStep step_within(const StepModel& model, double radius) {
+TrialStep step_within(const StepModel& model, const TrialStep& full, double radius) {
     constexpr double slack = 0.1;
-    TrialStep step = step_at(model, 0.0);
+    TrialStep step = full;
     if (step.length <= (1.0 + slack) * radius) return step;
     // 1 / length is nearly linear in mu: secants on it, kept inside the bracket.
     double low = 0.0;

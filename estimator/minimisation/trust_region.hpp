@@ -32,10 +32,14 @@ struct StepModel {
 /// Makes the step `factor` times as long, unless it rests on a bound.
 void stretch(TrialStep& step, double factor);
 
+/// The step damped by mu.
 [[nodiscard]] TrialStep step_at(const StepModel& model, double mu);
+/// The same with what is computed already: the condensed problem, and the step of the parameters.
+[[nodiscard]] TrialStep step_with(const StepModel& model, const ReducedProblem& reduced_problem, BoundedStep parameters,
+                                  double mu);
 
 /// The step whose length is at most about `radius` (within a tenth), by a suitable damping mu; the full step when that
-/// is short enough.
-[[nodiscard]] TrialStep step_within(const StepModel& model, double radius);
+/// is short enough. @param full  step_at(model, 0).
+[[nodiscard]] TrialStep step_within(const StepModel& model, const TrialStep& full, double radius);
 
 }  // namespace orbid::estimator

@@ -34,12 +34,18 @@ void check_value(const BlockValue& value, const ActiveBlock& block, const std::s
                                     std::to_string(block.constraints) + " constraints");
 }
 
+/// x - x is 0 or nan, and sums of many are computed several at a time.
+template <class Matrix>
+bool all_finite(const Matrix& x) {
+    return (x - x).sum() == 0.0;
+}
+
 bool finite(const BlockValue& value, const ActiveBlock& block, bool derivatives) {
-    if (!value.e.allFinite() || (block.constraints > 0 && !value.c.allFinite())) return false;
+    if (!all_finite(value.e) || (block.constraints > 0 && !all_finite(value.c))) return false;
     if (!derivatives) return true;
-    if (!value.e_theta.allFinite() || !value.e_z.allFinite()) return false;
-    if (!block.linked_parts.empty() && !value.e_next.allFinite()) return false;
-    return block.constraints == 0 || (value.c_theta.allFinite() && value.c_z.allFinite() && value.c_next.allFinite());
+    if (!all_finite(value.e_theta) || !all_finite(value.e_z)) return false;
+    if (!block.linked_parts.empty() && !all_finite(value.e_next)) return false;
+    return block.constraints == 0 || (all_finite(value.c_theta) && all_finite(value.c_z) && all_finite(value.c_next));
 }
 
 /// Log-normal errors need a positive prediction.

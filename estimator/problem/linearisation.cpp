@@ -236,6 +236,16 @@ WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std:
     return result;
 }
 
+bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws) {
+    return std::all_of(set.blocks.begin(), set.blocks.end(), [&](const ActiveBlock& block) {
+        const auto same = [&](const LawPart& part) { return laws[part.law].has_one_curvature(); };
+        // Links are guarded in steps, and slack ones in expectation as well.
+        const auto same_link = [&](const LawPart& part) { return same(part) || laws[part.law].slack; };
+        return std::all_of(block.parts.begin(), block.parts.end(), same) &&
+               std::all_of(block.linked_parts.begin(), block.linked_parts.end(), same_link);
+    });
+}
+
 WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                              const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows,
                              bool factorised, const Spread& spread) {

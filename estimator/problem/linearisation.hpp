@@ -62,6 +62,9 @@ struct BlockRows {
                                                             const Eigen::VectorXd& psi, Eigen::Index k,
                                                             Curvature curvature, const WhitenedRows<double>& at);
 
+/// Whether the rows of all blocks are the same with Curvature::step (or guarded) and expected.
+[[nodiscard]] bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws);
+
 /// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
 struct WhitenedArrow {
     BlockArrow arrow;

@@ -47,11 +47,9 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
         const Prior& prior = problem.parameters[index].prior;
         if (is_proper(prior)) column_size[i] = problem.coordinates[index].prior_sd(prior, state.theta[i]);
     }
-    arrow_ = standard_arrow(set, minimum.rows, problem.laws, state.psi, minimum.matching, Curvature::expected).arrow;
-    reduced_problem_ = condense(arrow_, 0.0);
-    identifiability_ = identifiability(reduced_problem_.r, step, size, column_size);
+    identifiability_ = identifiability(reduced_problem().r, step, size, column_size);
 
-    const Eigen::Index dead = undetermined_states(arrow_);
+    const Eigen::Index dead = undetermined_states(arrow());
     degrees_of_freedom_ =
         static_cast<double>(set.records - (set.latents - dead - set.constraints) - step.space.data.cols());
     error_parameters();
@@ -65,9 +63,9 @@ Posterior::Posterior(const Problem& problem, const BlockSet& set, const State& s
         const Eigen::Index l = set_.blocks[b].latents;
         latent_sds_[b] = covariance.diagonal().head(l).cwiseSqrt();
         for (Eigen::Index j = 0; j < l; ++j)
-            if (arrow_.blocks[b].dead[static_cast<std::size_t>(j)]) latent_sds_[b][j] = nan_value;
+            if (arrow().blocks[b].dead[static_cast<std::size_t>(j)]) latent_sds_[b][j] = nan_value;
     };
-    visit_covariance(arrow_, reduced_problem_, covariance_, take, {});
+    visit_covariance(arrow(), reduced_problem(), covariance_, take, {});
 }
 
 /// Laplace covariance of the error parameters: the inverse Hessian of Phi_psi with theta and z at their minimum.
@@ -87,7 +85,7 @@ void Posterior::error_parameters() {
     if (free_errors_.empty()) return;
     ErrorProblem profiled = errors_;
     profiled.follow = Follow::all;
-    Eigen::MatrixXd hessian = error_hessian(profiled, state_.psi, free_errors_);
+    Eigen::MatrixXd hessian = error_hessian(profiled, point_, state_.psi, free_errors_);
     // A logarithm whose sd would be thirty: the objective is flat there, nothing else depends on it, and neither its
     // curvature nor its sd is meaningful.
     constexpr double least_curvature = 1e-3;
@@ -155,10 +153,11 @@ void Posterior::add_error_uncertainty() {
             Eigen::VectorXd shifted = state_.psi;
             shifted[k] += sign * h;
             const ReducedProblem reduced_problem = condense(
-                standard_arrow(set_, errors_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected)
+                standard_arrow(set_, minimum_.rows, problem_.laws, shifted, minimum_.matching, Curvature::expected)
                     .arrow,
                 0.0);
-            difference += sign / (2.0 * h) * (reduced_problem.r.transpose() * reduced_problem.rhs);
+            difference +=
+                sign / (2.0 * h) * (errors_.basis.transpose() * (reduced_problem.r.transpose() * reduced_problem.rhs));
         }
         models::solve_transposed_upper_in_place(point_.triangle, difference);
         models::solve_upper_in_place(point_.triangle, difference);
@@ -212,6 +211,7 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
     Eigen::VectorXd v = y;
     models::solve_transposed_upper_in_place(point_.triangle, v);
     models::solve_upper_in_place(point_.triangle, v);
+    v = errors_.basis * v;
     // Latent states that follow v, without what their own residuals ask for.
     const std::vector<Eigen::VectorXd> still =
         latent_steps(point_.standard.arrow, point_.reduced_problem, Eigen::VectorXd::Zero(v.size()));
@@ -238,11 +238,11 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
             slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
         }
     };
-    std::vector<Eigen::VectorXd> sums(pieces_of(errors_.rows.size()), slopes);
-    for_pieces(errors_.rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+    std::vector<Eigen::VectorXd> sums(pieces_of(minimum_.rows.size()), slopes);
+    for_pieces(minimum_.rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         Eigen::VectorXd step;
         for (std::size_t b = begin; b < end; ++b) {
-            const BlockRows& rows = errors_.rows[b];
+            const BlockRows& rows = minimum_.rows[b];
             step.resize(rows.latents + v.size());
             step << moved[b] - still[b], v;
             if (point_.standard.own_rows(b).rows() > 0)

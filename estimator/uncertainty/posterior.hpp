@@ -53,8 +53,8 @@ public:
     [[nodiscard]] const std::vector<Autocorrelation>& autocorrelations() const { return autocorrelations_; }
     /// sds of the latent states of each active block; nan where the data contain no information.
     [[nodiscard]] const std::vector<Eigen::VectorXd>& latent_sds() const { return latent_sds_; }
-    [[nodiscard]] const BlockArrow& arrow() const { return arrow_; }                          ///< in the coordinates u
-    [[nodiscard]] const ReducedProblem& reduced_problem() const { return reduced_problem_; }  ///< in the coordinates u
+    [[nodiscard]] const BlockArrow& arrow() const { return point_.standard.arrow; }  ///< in the coordinates u
+    [[nodiscard]] const ReducedProblem& reduced_problem() const { return point_.reduced_problem; }  ///< likewise
 
 private:
     void leave_out_slack();
@@ -78,8 +78,6 @@ private:
     const Minimum& minimum_;
     ErrorProblem errors_;
     ErrorPoint point_;
-    BlockArrow arrow_;
-    ReducedProblem reduced_problem_;
     Identifiability identifiability_;
     Eigen::MatrixXd covariance_;
     Eigen::MatrixXd laplace_;

@@ -33,15 +33,18 @@ std::vector<std::vector<std::size_t>> rows_of_blocks(const BlockSet& set) {
     return rows;
 }
 
-/// Where the latent states go per unit of each determined parameter, per block of shape (latents, rank).
+/// Where the latent states go per unit of each determined parameter (column of the basis), per block of shape (latents,
+/// rank).
 std::vector<Eigen::MatrixXd> latent_moves(const BlockArrow& arrow, const ReducedProblem& reduced_problem,
-                                          Eigen::Index rank) {
-    const std::vector<Eigen::VectorXd> still = latent_steps(arrow, reduced_problem, Eigen::VectorXd::Zero(rank));
+                                          const Eigen::MatrixXd& basis) {
+    const Eigen::Index rank = basis.cols();
+    const std::vector<Eigen::VectorXd> still =
+        latent_steps(arrow, reduced_problem, Eigen::VectorXd::Zero(basis.rows()));
     std::vector<Eigen::MatrixXd> moves;
     for (const Eigen::VectorXd& z : still)
         moves.emplace_back(z.size(), rank);
     for (Eigen::Index k = 0; k < rank; ++k) {
-        const std::vector<Eigen::VectorXd> moved = latent_steps(arrow, reduced_problem, Eigen::VectorXd::Unit(rank, k));
+        const std::vector<Eigen::VectorXd> moved = latent_steps(arrow, reduced_problem, basis.col(k));
         for (std::size_t b = 0; b < moves.size(); ++b)
             moves[b].col(k) = moved[b] - still[b];
     }
@@ -160,7 +163,7 @@ void Posterior::make_sandwich() {
     double length = 0.0;
     std::vector<ScoreRows> rows = score_rows(length);
     if (!(length > 0.0)) return;
-    const Eigen::Index dead = undetermined_states(arrow_);
+    const Eigen::Index dead = undetermined_states(arrow());
     const double absorbed = static_cast<double>(set_.latents - dead - set_.constraints);
     const double left = std::clamp(1.0 - absorbed / static_cast<double>(set_.records), 1e-3, 1.0);
     auto spectrum = std::make_unique<ScoreSpectrum>(std::move(rows), length, left);
@@ -200,7 +203,7 @@ std::vector<ScoreRows> Posterior::score_rows(double& length) const {
     const std::vector<BlockRows> rows =
         in_basis(linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false),
                  minimum_.step.from_data);
-    const std::vector<Eigen::MatrixXd> moves = latent_moves(point_.standard.arrow, point_.reduced_problem, rank);
+    const std::vector<Eigen::MatrixXd> moves = latent_moves(arrow(), reduced_problem(), errors_.basis);
     const bool chained = set_.constraints > 0 || set_.linked;
     std::vector<ScoreRows> result;
     length = 0.0;

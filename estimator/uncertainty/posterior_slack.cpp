@@ -21,17 +21,19 @@ void Posterior::leave_out_slack() {
     Eigen::MatrixXd steps = Eigen::MatrixXd::Identity(rank, rank);
     models::solve_transposed_upper_in_place(point_.triangle, steps);
     models::solve_upper_in_place(point_.triangle, steps);
+    steps = errors_.basis * steps;
     const BlockArrow& arrow = point_.standard.arrow;
-    const std::vector<Eigen::VectorXd> still = latent_steps(arrow, point_.reduced_problem, Eigen::VectorXd::Zero(rank));
+    const std::vector<Eigen::VectorXd> still =
+        latent_steps(arrow, point_.reduced_problem, Eigen::VectorXd::Zero(steps.rows()));
     std::vector<std::vector<Eigen::VectorXd>> moved;
     for (Eigen::Index j = 0; j < rank; ++j)
         moved.push_back(latent_steps(arrow, point_.reduced_problem, steps.col(j)));
     slack_ = Eigen::MatrixXd::Zero(rank, rank);
-    for (std::size_t b = 0; b < errors_.rows.size(); ++b) {
-        const BlockRows& rows = errors_.rows[b];
+    for (std::size_t b = 0; b < minimum_.rows.size(); ++b) {
+        const BlockRows& rows = minimum_.rows[b];
         if (rows.linked_parts.empty()) continue;
         const auto next = static_cast<std::size_t>(rows.next);
-        Eigen::MatrixXd step(rows.latents + rows.next_latents + rank, rank);
+        Eigen::MatrixXd step(rows.latents + rows.next_latents + steps.rows(), rank);
         for (Eigen::Index j = 0; j < rank; ++j) {
             const std::vector<Eigen::VectorXd>& of = moved[static_cast<std::size_t>(j)];
             step.col(j) << of[b] - still[b], of[next] - still[next], steps.col(j);
