@@ -116,12 +116,11 @@ void try_starts(StartSearch& search, const std::vector<int>& periods, const Orbi
             search.from_orbits(periods[i], used[i], settled[i] ? sample : std::numeric_limits<std::size_t>::max());
     }
     // Where trajectories stay within a disc or a cylinder, unequal sums of indices tell of missing orbits.
-    if (forced)
-        for (std::size_t i = 0; i < periods.size(); ++i) {
-            if (!has_divisors(periods, periods[i]) || search.stopped()) continue;
-            search.from_variants(periods[i]);
-            settled[i] = settled[i] && search.indices_agree(periods[i]);
-        }
+    for (std::size_t i = 0; i < periods.size() && !search.stopped(); ++i) {
+        const bool compare = forced && has_divisors(periods, periods[i]);
+        search.from_variants(periods[i], compare);
+        settled[i] = settled[i] && (!compare || search.indices_agree(periods[i]));
+    }
 }
 
 }  // namespace

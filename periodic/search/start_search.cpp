@@ -41,7 +41,7 @@ constexpr double edge_ratio = 1.4142135623730951;
 
 /// Starts from one loop of cells where strong stretching leads several orbits through the same cells.
 constexpr std::size_t variants = 8;
-constexpr double variants_edge = 1.0 / 32.0;
+constexpr double variants_edge = 1.0 / 16.0;
 
 /// Random states that are tried for every period.
 constexpr std::size_t scattered_states = 64;
@@ -155,12 +155,16 @@ bool StartSearch::indices_agree(int period) const {
     return sums.front() == sums.back();
 }
 
-void StartSearch::from_variants(int period) {
-    for (double edge = variants_edge; edge <= coarsest_edge && !stopped() && !indices_agree(period);
-         edge *= edge_ratio) {
-        if (const auto loops = loops_of(period, edge, variants))
-            // What is missing is rare: all are tried.
-            solve(loops->size(), StartOrigin::joined, loops->size(), [&](std::size_t k) { return (*loops)[k]; });
+void StartSearch::from_variants(int period, bool compare) {
+    for (double edge = variants_edge; edge <= coarsest_edge && !stopped(); edge *= edge_ratio) {
+        const auto loops = loops_of(period, edge, variants);
+        if (!loops) continue;
+        // What is known to be missing is rare: all are tried.
+        const bool missing = compare && !indices_agree(period);
+        const std::size_t before = list_.orbits().size();
+        solve(loops->size(), StartOrigin::joined, missing ? loops->size() : options_.patience,
+              [&](std::size_t k) { return (*loops)[k]; });
+        if (!missing && list_.orbits().size() == before) return;
     }
 }
 

@@ -36,8 +36,9 @@ public:
     /// @return the last round, with cells of another size than before, found nothing new.
     bool from_joined(int period);
 
-    /// Several starts from every loop of cells, of known orbits too, until a round ends with indices_agree().
-    void from_variants(int period);
+    /// Several starts from every loop of cells, of known orbits too, until a round finds nothing new.
+    /// @param compare  all of them, and further rounds, until indices_agree()
+    void from_variants(int period, bool compare);
 
     /// The sum of the indices over the points of the listed orbits whose period divides this one is that over fixed
     /// points (see index_sums()).
