@@ -79,7 +79,7 @@ char delimiter_of(std::string_view header) {
 /// A cell as shown in a message: long ones are cut.
 std::string shown(std::string_view cell) {
     constexpr std::size_t longest = 40;
-    return cell.size() <= longest ? std::string(cell) : std::string(cell.substr(0, longest)) + "...";
+    return cell.size() <= longest ? std::string(cell) : fmt::format("{}...", cell.substr(0, longest));
 }
 
 }  // namespace
