@@ -15,10 +15,10 @@ using Kind = StageJob::Kind;
 /// Stages that stand beside those of residuals.
 const std::vector<std::string> other_stages{"prediction", "harvest"};
 
-/// In a record that later stages can read again. A job with mistakes may have no data.
+/// In a record that later stages can read again. Of a job without data that is the mistake to tell, and no other.
 bool is_searched(const Job& job) {
-    return job.orbits && !job.orbits->file && job.orbits->data < job.data.size() &&
-           !job.data[job.orbits->data].streamed();
+    return job.orbits && !job.orbits->file &&
+           (job.orbits->data >= job.data.size() || !job.data[job.orbits->data].streamed());
 }
 
 bool is_read_by_formulas(const Job& job, const EstimateJob& estimate) {
