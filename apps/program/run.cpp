@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/atomic_file.hpp"
 #include "apps/documents/printable.hpp"
 #include "apps/estimation/estimate_stage.hpp"
 #include "apps/job/data_job.hpp"
