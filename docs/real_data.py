@@ -121,8 +121,10 @@ def turns(lines, title, answers):
     lines += ["", title, "", "| parameter | A | sd | B | sd | z of the difference | interval |", "|---|---|---|---|---|---|---|"]
     for name, a in first.items():
         b = second[name]
-        if a["sd"] is None or b["sd"] is None or a["at_bound"] or b["at_bound"]:
+        if a["at_bound"] or b["at_bound"]:
             z = "at a bound"
+        elif a["sd"] is None or b["sd"] is None:
+            z = "no sd"
         else:
             z = f"{(a['value'] - b['value']) / math.hypot(a['sd'], b['sd']):+.1f}"
         sd = [f"{x['sd']:.2g}" if x["sd"] is not None else "-" for x in (a, b)]
