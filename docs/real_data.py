@@ -139,10 +139,10 @@ def nothing_told(binary, work, lines, fit):
     names = ("m1", "m2", "a1", "a2", "L1", "I1", "I2", "k1", "k2", "g")
     job["estimate"]["parameters"] = {name: {} for name in names}
     answer = run(binary, job, work / "arms_null")
-    lines += [f"All of {', '.join(names)} free at once: status {answer['status']}. What the record does not tell "
-              "(relative changes that leave the motion as it is):", ""]
-    for direction in answer["identifiability"]["null_directions"]:
-        lines.append("* " + ", ".join(f"{name} {value:+.3g}" for name, value in direction.items()))
+    lines += [f"All of {', '.join(names)} free at once: status {answer['status']}. What no record of the angles tells, and "
+              "what is held for it:", ""]
+    for direction in answer["identifiability"]["structural"]["directions"]:
+        lines.append(f"* {direction['held']}: {direction['text']}")
     lines.append("")
 
 
