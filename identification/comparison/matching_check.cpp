@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "estimator/interface/mapped_residual.hpp"
 #include "identification/problem/estimated_values.hpp"
 #include "orbits/series_residuals/continuity_report.hpp"
 
@@ -33,6 +34,17 @@ Eigen::VectorXd laplace_sds(const estimator::Estimate& estimate) {
     return column(estimate.parameters, &estimator::Estimated::laplace_sd);
 }
 
+/// Errors of the readings as estimated. Estimated anew they could tend to zero: under loose matching the nodes may
+/// follow the readings of a coordinate.
+std::vector<estimator::ErrorOverride> estimated_errors(const estimator::Residual& residual,
+                                                       const estimator::Estimate& estimate) {
+    std::vector<estimator::ErrorOverride> errors;
+    for (const estimator::Group& group : residual.groups())
+        if (const auto* scale = scale_of(estimate, group.name); scale != nullptr && group.scale.estimate)
+            errors.push_back({group.name, "scale", scale->value});
+    return errors;
+}
+
 /// The same estimate with looser matching, from its own nodes.
 void compare_looser(const StageInput& input, const StageRun& run, std::vector<orbits::ContinuityReport>& reports) {
     const auto& shooting = run.residuals.shooting;
@@ -41,8 +53,14 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
     for (std::size_t i = 0; i < shooting.size(); ++i)
         looser.push_back(shooting[i]->with(orbits::looser(*shooting[i], run.estimate.active[i]), run.estimate.active[i],
                                            run.estimate.latents[i]));
-    std::vector<const estimator::Residual*> residuals;
+    const auto count = std::ssize(run.parameters);
+    std::vector<estimator::MappedResidual> held;
+    held.reserve(looser.size());
     for (const orbits::ShootingResidual& residual : looser)
+        held.emplace_back(residual, estimator::ParameterMap::identity(count),
+                          estimator::MappedResidualOptions{estimated_errors(residual, run.estimate), {}, {}});
+    std::vector<const estimator::Residual*> residuals;
+    for (const estimator::MappedResidual& residual : held)
         residuals.push_back(&residual);
     std::vector<estimator::FreeParameter> parameters = run.parameters;
     std::vector<std::string> names;
