@@ -6,7 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
+#include "apps/job/writing/job_writer.hpp"
 #include "tests/catch.hpp"
 #include "tests/source_folder.hpp"
 
@@ -31,6 +34,17 @@ inline void check_only(const std::string& text, const std::string& expected) {
     CAPTURE(text, found);
     REQUIRE(found.size() == 1);
     CHECK_THAT(found[0], ContainsSubstring(expected));
+}
+
+/// The table of the first record of a job that is right and the same when it is written and read again.
+inline apps::FileJob file_of(const std::string& text) {
+    const auto reading = apps::read_job(text, job_folder / "job.json");
+    REQUIRE(reading.job);
+    const std::string complete = apps::job_text(*reading.job, job_folder);
+    const auto again = apps::read_job(complete, job_folder / "job.json");
+    REQUIRE(again.job);
+    CHECK(apps::job_text(*again.job, job_folder) == complete);
+    return *again.job->data[0].file;
 }
 
 }  // namespace orbid::tests

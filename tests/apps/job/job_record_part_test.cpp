@@ -2,7 +2,6 @@
 
 #include "apps/job/data_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
-#include "apps/job/writing/job_writer.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
@@ -35,14 +34,8 @@ std::string section_job(const std::string& part) {
            part + " } }";
 }
 
-FileJob file_of(const std::string& part) {
-    const auto reading = read_job(job_with(part), tests::job_folder / "job.json");
-    REQUIRE(reading.job);
-    const std::string complete = job_text(*reading.job, tests::job_folder);
-    const auto again = read_job(complete, tests::job_folder / "job.json");
-    REQUIRE(again.job);
-    CHECK(job_text(*again.job, tests::job_folder) == complete);
-    return *again.job->data[0].file;
+FileJob file_with(const std::string& part) {
+    return tests::file_of(job_with(part));
 }
 
 /// The damping of a swing from the samples of run.csv.
@@ -74,11 +67,11 @@ void write_record(const Path& folder) {
 }  // namespace
 
 TEST_CASE("window, rows, every and step of a record are read and written", "[apps][job]") {
-    const FileJob whole = file_of(R"("every": 1)");
+    const FileJob whole = file_with(R"("every": 1)");
     CHECK(whole.part.every == 1);
     CHECK_FALSE(whole.part.windowed());
     CHECK(whole.evenly_spaced);
-    const FileJob part = file_of(R"("window": [0.01, 2.5], "rows": [2, 7], "every": 3, "spacing": "any")");
+    const FileJob part = file_with(R"("window": [0.01, 2.5], "rows": [2, 7], "every": 3, "spacing": "any")");
     CHECK(part.part.begin == 0.01);
     CHECK(part.part.end == 2.5);
     CHECK(part.part.first_row == 2);

@@ -3,7 +3,6 @@
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/reading/job_reader.hpp"
-#include "apps/job/writing/job_writer.hpp"
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"
 #include "tests/catch.hpp"
@@ -29,14 +28,8 @@ std::string stream_job(const std::string& part, const std::string& rest = "",
            part + " }" + (rest.empty() ? "" : ",\n" + rest) + " }";
 }
 
-FileJob file_of(const std::string& part) {
-    const auto reading = read_job(stream_job(part), tests::job_folder / "job.json");
-    REQUIRE(reading.job);
-    const std::string complete = job_text(*reading.job, tests::job_folder);
-    const auto again = read_job(complete, tests::job_folder / "job.json");
-    REQUIRE(again.job);
-    CHECK(job_text(*again.job, tests::job_folder) == complete);
-    return *again.job->data[0].file;
+FileJob file_with(const std::string& part) {
+    return tests::file_of(stream_job(part));
 }
 
 void refused(const std::string& job, const std::string& message) {
@@ -70,11 +63,11 @@ json cycles_of(const Path& folder, const std::string& name, const json& data) {
 }  // namespace
 
 TEST_CASE("streams are read and written", "[apps][job]") {
-    CHECK(file_of(R"("missing": "nan")").stream_memory == 0.0);
-    CHECK(file_of(R"("stream": false)").stream_memory == 0.0);
-    CHECK(file_of(R"("stream": true)").stream_memory == 1000.0);
-    CHECK(file_of(R"("stream": {})").stream_memory == 1000.0);
-    CHECK(file_of(R"("stream": { "memory": 64 })").stream_memory == 64.0);
+    CHECK(file_with(R"("missing": "nan")").stream_memory == 0.0);
+    CHECK(file_with(R"("stream": false)").stream_memory == 0.0);
+    CHECK(file_with(R"("stream": true)").stream_memory == 1000.0);
+    CHECK(file_with(R"("stream": {})").stream_memory == 1000.0);
+    CHECK(file_with(R"("stream": { "memory": 64 })").stream_memory == 64.0);
 }
 
 TEST_CASE("what a stream cannot do is refused with place and rule", "[apps][job]") {
