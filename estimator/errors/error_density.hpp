@@ -2,37 +2,44 @@
 
 #include <cassert>
 #include <cmath>
-#include <complex>
 #include <numbers>
 
 #include <Eigen/Core>
 #include <boost/math/special_functions/digamma.hpp>
 #include <boost/math/special_functions/gamma.hpp>
 
+#include "models/arithmetic/dual.hpp"
+
+/// Matrices of dual numbers.
+template <>
+struct Eigen::NumTraits<orbid::models::Dual<1>> : Eigen::NumTraits<double> {
+    using Real = orbid::models::Dual<1>;
+    using NonInteger = Real;
+    using Nested = Real;
+    enum { ReadCost = 2, AddCost = 2, MulCost = 4 };
+};
+
 namespace orbid::estimator::detail {
 
-inline double real_part(double x) {
-    return x;
+/// A number with its derivative with respect to one error parameter.
+using Slope = models::Dual<1>;
+
+/// Whether a slope depends on x; a value always does.
+inline bool varies(double /*x*/) {
+    return true;
 }
-inline double real_part(const std::complex<double>& x) {
-    return x.real();
+inline bool varies(const Slope& x) {
+    return x.partial[0] != 0.0;
 }
 
-/// f(x) for a real function f with derivative df, continued to complex numbers by its first-order Taylor polynomial. A
-/// complex step needs no more, and the library knows some functions on the real line only.
+/// f(x) for a real function f with derivative df that the library knows for plain numbers only.
 template <class F, class D>
 double lift(double x, const F& f, const D& /*df*/) {
     return f(x);
 }
 template <class F, class D>
-std::complex<double> lift(const std::complex<double>& x, const F& f, const D& df) {
-    return {f(x.real()), x.imag() * df(x.real())};
-}
-
-template <class T>
-T ln_one_plus(const T& x) {
-    return lift(
-        x, [](double u) { return std::log1p(u); }, [](double u) { return 1.0 / (1.0 + u); });
+Slope lift(const Slope& x, const F& f, const D& df) {
+    return varies(x) ? x.chained(f(x.value), df(x.value)) : Slope(f(x.value));
 }
 
 /// ln cosh x = |x| + ln(1 + exp(-2|x|)) - ln 2, without overflow.
@@ -51,7 +58,7 @@ inline double student_normalisation(double nu) {
     return 0.5 * std::log(nu * std::numbers::pi) + std::log(boost::math::tgamma_delta_ratio(0.5 * nu, 0.5, plain()));
 }
 
-inline std::complex<double> student_normalisation(const std::complex<double>& nu) {
+inline Slope student_normalisation(const Slope& nu) {
     return lift(
         nu, [](double x) { return student_normalisation(x); },
         [](double x) { return 0.5 / x + 0.5 * (boost::math::digamma(0.5 * x) - boost::math::digamma(0.5 * x + 0.5)); });

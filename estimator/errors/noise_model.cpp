@@ -14,6 +14,9 @@ namespace orbid::estimator {
 
 namespace {
 
+using detail::Slope;
+using models::value_of;
+
 constexpr double ln_two_pi = 1.8378770664093454836;
 
 /// A density that is not log-concave has its second derivative replaced by this fraction of the weight g / e where it
@@ -30,9 +33,16 @@ constexpr double mirror_share = 0.5;
 
 template <class T>
 T step_share(const T& share, double least, Curvature curvature) {
-    if (curvature == Curvature::guarded) return detail::real_part(share) > mirror_share ? share : T(1.0);
-    return detail::real_part(share) > least ? share : T(least);
+    if (curvature == Curvature::guarded) return value_of(share) > mirror_share ? share : T(1.0);
+    return value_of(share) > least ? share : T(least);
 }
+
+/// WhitenedRows of plain or dual numbers.
+template <class T>
+struct Rows {
+    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> rows;
+    T value{};
+};
 
 template <class T>
 using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
@@ -42,7 +52,7 @@ using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 /// Whitened rows sqrt(h_i) [a_i | g_i / h_i] from first row `from` on: their squares are h a a^T, their gradients
 /// g a. The vectors hold sqrt(h_i) and g_i / sqrt(h_i). Column by column, as matrices lie in memory.
 template <class T>
-void set_rows(WhitenedRows<T>& result, const LawRecords& records, const Vector<T>& root, const Vector<T>& last,
+void set_rows(Rows<T>& result, const LawRecords& records, const Vector<T>& root, const Vector<T>& last,
               Eigen::Index from = 0) {
     const Eigen::Index columns = records.rows.cols() - 1;
     for (Eigen::Index j = 0; j < columns; ++j)
@@ -52,16 +62,16 @@ void set_rows(WhitenedRows<T>& result, const LawRecords& records, const Vector<T
 
 /// Not by squaredNorm(), which conjugates.
 template <class T>
-void add_half_squares(WhitenedRows<T>& result) {
+void add_half_squares(Rows<T>& result) {
     const Eigen::Index last = result.rows.cols() - 1;
     for (Eigen::Index i = 0; i < result.rows.rows(); ++i)
         result.value += 0.5 * result.rows(i, last) * result.rows(i, last);
 }
 
 template <class T>
-WhitenedRows<T> normal_rows(const LawRecords& records, const T& ln_scale) {
+Rows<T> normal_rows(const LawRecords& records, const T& ln_scale) {
     using std::exp;
-    WhitenedRows<T> result{records.rows.template cast<T>() * exp(-ln_scale), T(0.0)};
+    Rows<T> result{records.rows.template cast<T>() * exp(-ln_scale), T(0.0)};
     const auto n = static_cast<double>(records.count);
     result.value = n * ln_scale + 0.5 * n * ln_two_pi;
     add_half_squares(result);
@@ -70,10 +80,10 @@ WhitenedRows<T> normal_rows(const LawRecords& records, const T& ln_scale) {
 
 /// Rows of independent records: law(e, value) adds -ln p of one to the value and gives its weight g / e and its h.
 template <class T, class Law>
-WhitenedRows<T> weighted_rows(const LawRecords& records, const T& value, const Law& law) {
+Rows<T> weighted_rows(const LawRecords& records, const T& value, const Law& law) {
     using std::sqrt;
     const Eigen::Index n = records.rows.rows();
-    WhitenedRows<T> result{Matrix<T>(n, records.rows.cols()), static_cast<double>(n) * value};
+    Rows<T> result{Matrix<T>(n, records.rows.cols()), static_cast<double>(n) * value};
     Vector<T> root(n);
     Vector<T> last(n);
     for (Eigen::Index i = 0; i < n; ++i) {
@@ -87,23 +97,28 @@ WhitenedRows<T> weighted_rows(const LawRecords& records, const T& value, const L
 }
 
 template <class T>
-WhitenedRows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
+Rows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
     using std::exp;
     const T s = exp(psi[0]);
     const T nu = exp(psi[1]);
     const T spread = nu * s * s;
     const T expected = (nu + 1.0) / ((nu + 3.0) * s * s);
+    const T half = 0.5 * (nu + 1.0);
+    // In a slope the logarithm itself counts only where nu varies.
+    const bool counts = detail::varies(nu);
     return weighted_rows<T>(records, psi[0] + detail::student_normalisation(nu), [&](double e, T& value) {
         const T sum = spread + e * e;
         const T weight = (nu + 1.0) / sum;
-        value += 0.5 * (nu + 1.0) * detail::ln_one_plus(T(e * e) / spread);
+        value += half * detail::lift(
+                            T(e * e) / spread, [counts](double u) { return counts ? std::log1p(u) : 0.0; },
+                            [](double u) { return 1.0 / (1.0 + u); });
         if (curvature == Curvature::expected) return std::pair<T, T>(weight, expected);
         return std::pair<T, T>(weight, weight * step_share(T((spread - e * e) / sum), least_share, curvature));
     });
 }
 
 template <class T>
-WhitenedRows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curvature curvature) {
+Rows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curvature curvature) {
     using std::exp;
     using std::sqrt;
     const T s = exp(ln_scale);
@@ -123,7 +138,7 @@ WhitenedRows<T> laplace_rows(const LawRecords& records, const T& ln_scale, Curva
 ///     d2(-ln p)/de2   = 1/V + 2 e t / V + (e t)^2 / (2 V) + t' (1 - e^2/V) / 2,  t' = dt/dyhat = 2 r^2/V - t^2
 ///     its expectation = 1/V + t^2 / 2
 template <class T>
-WhitenedRows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
+Rows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
     using std::exp;
     using std::log;
     using std::sqrt;
@@ -132,7 +147,7 @@ WhitenedRows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, C
     const T factor = exp(2.0 * psi[1]);
     const double half_root = 0.5 * std::numbers::sqrt2;
     const Eigen::Index n = records.rows.rows();
-    WhitenedRows<T> result{Matrix<T>(2 * n, records.rows.cols()), T(0.5 * static_cast<double>(n) * ln_two_pi)};
+    Rows<T> result{Matrix<T>(2 * n, records.rows.cols()), T(0.5 * static_cast<double>(n) * ln_two_pi)};
     Vector<T> root(n);
     Vector<T> last(n);
     // The second rows stay zero for a step: shape and sums do not depend on the curvature requested.
@@ -155,7 +170,7 @@ WhitenedRows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, C
         const T least = least_share * (1.0 / v + 0.5 * t * t);
         const T t_slope = 2.0 * factor / v - t * t;
         const T second = 1.0 / v + 2.0 * e * t / v + 0.5 * square * t * t + 0.5 * t_slope * (1.0 - square);
-        root[i] = sqrt(detail::real_part(second) > detail::real_part(least) ? second : least);
+        root[i] = sqrt(value_of(second) > value_of(least) ? second : least);
         last[i] = (e / v + 0.5 * t * (square - 1.0)) / root[i];
     }
     set_rows(result, records, root, last);
@@ -173,8 +188,8 @@ T ln_determinant(const Matrix<T>& triangle) {
 }
 
 template <class T>
-WhitenedRows<T> autoregressive_rows(const LawRecords& records, const Vector<T>& psi) {
-    WhitenedRows<T> result{detail::decorrelated<T>(records.rows, psi), T(0.0)};
+Rows<T> autoregressive_rows(const LawRecords& records, const Vector<T>& psi) {
+    Rows<T> result{detail::decorrelated<T>(records.rows, psi), T(0.0)};
     const auto n = static_cast<double>(records.rows.rows());
     result.value = n * psi[0] + 0.5 * n * ln_two_pi;
     // ln sqrt(1 - rho^2) = -ln cosh(psi), for every innovation.
@@ -184,10 +199,10 @@ WhitenedRows<T> autoregressive_rows(const LawRecords& records, const Vector<T>& 
 }
 
 template <class T>
-WhitenedRows<T> joint_rows(const NoiseModel& law, const LawRecords& records, const Vector<T>& psi) {
+Rows<T> joint_rows(const NoiseModel& law, const LawRecords& records, const Vector<T>& psi) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     const Matrix<T> triangle = detail::covariance_triangle<T>(psi, m);
-    WhitenedRows<T> result{detail::uncoupled<T>(records.rows, triangle), T(0.0)};
+    Rows<T> result{detail::uncoupled<T>(records.rows, triangle), T(0.0)};
     const auto n = static_cast<double>(records.rows.rows() / m);
     result.value = n * (ln_determinant<T>(triangle) + 0.5 * static_cast<double>(m) * ln_two_pi);
     add_half_squares(result);
@@ -218,13 +233,15 @@ T inverse_wishart_term(const NoiseModel& law, const Vector<T>& psi) {
 template <class T>
 T coordinate_term(const ErrorCoordinate& coordinate, const T& psi) {
     // -ln |d natural / d psi|: exp(psi) and 1 / cosh^2(psi).
+    using std::exp;
+    using std::tanh;
     T natural = psi;
     T result(0.0);
     if (coordinate.kind == ErrorCoordinate::Kind::log) {
-        natural = std::exp(psi);
+        natural = exp(psi);
         result = -psi;
     } else if (coordinate.kind == ErrorCoordinate::Kind::fisher) {
-        natural = std::tanh(psi);
+        natural = tanh(psi);
         result = 2.0 * detail::ln_cosh(psi);
     }
     return result + detail::lift(
@@ -232,11 +249,8 @@ T coordinate_term(const ErrorCoordinate& coordinate, const T& psi) {
                         [&](double x) { return derivatives(coordinate.prior, x).first; });
 }
 
-}  // namespace
-
 template <class T>
-WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
-                              const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi, Curvature curvature) {
+Rows<T> rows_of(const NoiseModel& law, const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
     assert(psi.size() == static_cast<Eigen::Index>(law.coordinates.size()));
     assert(records.rows.cols() > 0);
     if (law.joint()) return joint_rows<T>(law, records, psi);
@@ -245,7 +259,7 @@ WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
     if (std::holds_alternative<LaplaceErrors>(law.distribution)) return laplace_rows<T>(records, psi[0], curvature);
     if (std::holds_alternative<RelativeErrors>(law.distribution)) return relative_rows<T>(records, psi, curvature);
     if (std::holds_alternative<AutoregressiveErrors>(law.distribution)) return autoregressive_rows<T>(records, psi);
-    WhitenedRows<T> result = normal_rows<T>(records, psi[0]);
+    Rows<T> result = normal_rows<T>(records, psi[0]);
     // The density of y itself: d ln y / dy = 1 / y.
     if (std::holds_alternative<LogNormalErrors>(law.distribution))
         for (Eigen::Index i = 0; i < records.observed.size(); ++i)
@@ -253,14 +267,8 @@ WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
     return result;
 }
 
-template WhitenedRows<double> whitened_rows<double>(const NoiseModel&, const LawRecords&, const Vector<double>&,
-                                                    Curvature);
-template WhitenedRows<std::complex<double>> whitened_rows<std::complex<double>>(const NoiseModel&, const LawRecords&,
-                                                                                const Vector<std::complex<double>>&,
-                                                                                Curvature);
-
 template <class T>
-T prior_term(const NoiseModel& law, const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi) {
+T prior_of(const NoiseModel& law, const Vector<T>& psi) {
     assert(psi.size() == static_cast<Eigen::Index>(law.coordinates.size()));
     T result(0.0);
     for (std::size_t i = 0; i < law.coordinates.size(); ++i) {
@@ -272,14 +280,33 @@ T prior_term(const NoiseModel& law, const Eigen::Matrix<T, Eigen::Dynamic, 1>& p
     return result;
 }
 
-double prior_slope(const NoiseModel& law, const Eigen::VectorXd& psi, Eigen::Index j) {
-    constexpr double h = 1e-30;
-    Eigen::VectorXcd shifted = psi.cast<std::complex<double>>();
-    shifted[j] += std::complex<double>(0.0, h);
-    return prior_term<std::complex<double>>(law, shifted).imag() / h;
+/// psi with the derivative 1 of psi[j].
+Vector<Slope> varied(const Eigen::VectorXd& psi, Eigen::Index j) {
+    Vector<Slope> result = psi.cast<Slope>();
+    result[j] = Slope::variable(psi[j], 0);
+    return result;
 }
 
-template double prior_term<double>(const NoiseModel&, const Vector<double>&);
-template std::complex<double> prior_term<std::complex<double>>(const NoiseModel&, const Vector<std::complex<double>>&);
+}  // namespace
+
+WhitenedRows whitened_rows(const NoiseModel& law, const LawRecords& records, const Eigen::VectorXd& psi,
+                           Curvature curvature) {
+    Rows<double> result = rows_of<double>(law, records, psi, curvature);
+    return {std::move(result.rows), result.value};
+}
+
+WhitenedRows whitened_rows_slope(const NoiseModel& law, const LawRecords& records, const Eigen::VectorXd& psi,
+                                 Eigen::Index j, Curvature curvature) {
+    const Rows<Slope> result = rows_of<Slope>(law, records, varied(psi, j), curvature);
+    return {result.rows.unaryExpr([](const Slope& x) { return x.partial[0]; }), result.value.partial[0]};
+}
+
+double prior_term(const NoiseModel& law, const Eigen::VectorXd& psi) {
+    return prior_of<double>(law, psi);
+}
+
+double prior_slope(const NoiseModel& law, const Eigen::VectorXd& psi, Eigen::Index j) {
+    return prior_of<Slope>(law, varied(psi, j)).partial[0];
+}
 
 }  // namespace orbid::estimator

@@ -100,18 +100,18 @@ enum class Curvature { step, expected, guarded };
 ///
 /// Relative errors have two rows per record, the second ones after all first ones: their variance changes with the
 /// prediction. Under Curvature::step the second rows are zero.
-template <class T>
 struct WhitenedRows {
-    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> rows;
-    T value{};
+    Eigen::MatrixXd rows;
+    double value = 0.0;
 };
 
-/// @param psi  all error parameters of the law in their coordinates, shape (coordinates). Instantiated for double and
-/// for std::complex<double>: f(psi + i h) gives derivatives exact to rounding (complex step), so no formula is written
-/// twice.
-template <class T>
-[[nodiscard]] WhitenedRows<T> whitened_rows(const NoiseModel& law, const LawRecords& records,
-                                            const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi, Curvature curvature);
+/// @param psi  all error parameters of the law in their coordinates, shape (coordinates).
+[[nodiscard]] WhitenedRows whitened_rows(const NoiseModel& law, const LawRecords& records, const Eigen::VectorXd& psi,
+                                         Curvature curvature);
+
+/// Their derivatives with respect to psi[j], exact to rounding: by dual numbers, so that no formula is written twice.
+[[nodiscard]] WhitenedRows whitened_rows_slope(const NoiseModel& law, const LawRecords& records,
+                                               const Eigen::VectorXd& psi, Eigen::Index j, Curvature curvature);
 
 /// L of V = L L^T, shape (m, m), from the psi of the whole estimate.
 [[nodiscard]] Eigen::MatrixXd covariance_root(const NoiseModel& law, const Eigen::VectorXd& psi);
@@ -135,10 +135,9 @@ template <class T>
                                               const Eigen::VectorXd& observed, const Eigen::VectorXd& psi);
 
 /// -ln prior density of the law's estimated parameters in the coordinates psi (flat: no term; inverse-Wishart in V).
-template <class T>
-[[nodiscard]] T prior_term(const NoiseModel& law, const Eigen::Matrix<T, Eigen::Dynamic, 1>& psi);
+[[nodiscard]] double prior_term(const NoiseModel& law, const Eigen::VectorXd& psi);
 
-/// Its derivative with respect to psi[j], by a complex step.
+/// Its derivative with respect to psi[j], by dual numbers.
 [[nodiscard]] double prior_slope(const NoiseModel& law, const Eigen::VectorXd& psi, Eigen::Index j);
 
 }  // namespace orbid::estimator

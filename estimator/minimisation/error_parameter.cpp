@@ -85,8 +85,8 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
                 result.value[slot++] = -leverage(rows, covariance, coordinate.first, coordinate.rows);
                 return;
             }
-            const WhitenedRows<double> derivative = standard_rows_derivative(
-                (*problem.rows)[b], parts, *problem.laws, psi, coordinate.k, Curvature::expected, {rows, 0.0});
+            const WhitenedRows derivative = standard_rows_derivative((*problem.rows)[b], parts, *problem.laws, psi,
+                                                                     coordinate.k, Curvature::expected, {rows, 0.0});
             const auto columns = covariance.cols();
             result.value[slot++] =
                 derivative.rows.leftCols(columns).cwiseProduct(rows.leftCols(columns) * covariance).sum();
@@ -135,7 +135,7 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
             sums.left[k] += count + trace;
             return;
         }
-        const WhitenedRows<double> derivative =
+        const WhitenedRows derivative =
             standard_rows_derivative(block, parts, laws, psi, k, Curvature::expected, {at, 0.0});
         double fit = derivative.value;
         if (moved.size() > 0)
@@ -223,7 +223,7 @@ void add_error_priors(const ErrorProblem& problem, const Eigen::VectorXd& psi, E
         const auto free = problem.free.begin() + law.first;
         if (std::find(free, free + law.size(), true) == free + law.size()) continue;
         const Eigen::VectorXd own = law.own(psi);
-        point.value += prior_term<double>(law, own);
+        point.value += prior_term(law, own);
         for (Eigen::Index j = 0; j < law.size(); ++j)
             if (free[j]) point.gradient[law.first + j] += prior_slope(law, own, j);
     }
@@ -282,6 +282,12 @@ bool one_scale_for_all(const ErrorProblem& problem, const std::vector<Eigen::Ind
 
 }  // namespace
 
+bool is_long(const BlockSet& set) {
+    constexpr std::size_t many_blocks = 1000;
+    constexpr Eigen::Index many_records = 2000;
+    return set.all_blocks >= many_blocks || (set.latents > 0 && set.records >= many_records);
+}
+
 Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& psi,
                               const std::vector<Eigen::Index>& free) {
     if (one_scale_for_all(problem, free)) {
@@ -291,11 +297,10 @@ Eigen::MatrixXd error_hessian(const ErrorProblem& problem, const ErrorPoint& poi
     // Four points: error h^4 / 30 of a fifth derivative that is about 64 n, against rounding / h. Two points: error h^2
     // / 6 of a third one that is about 8 n, a millionth. That is enough where each of them takes long.
     constexpr double h = 1e-3;
-    constexpr std::size_t many_blocks = 1000;
     using Points = std::vector<std::pair<double, double>>;
-    const Points points = problem.set->all_blocks < many_blocks
-                              ? Points{{-2.0, 1.0 / 12.0}, {-1.0, -8.0 / 12.0}, {1.0, 8.0 / 12.0}, {2.0, -1.0 / 12.0}}
-                              : Points{{-1.0, -0.5}, {1.0, 0.5}};
+    const Points points = is_long(*problem.set)
+                              ? Points{{-1.0, -0.5}, {1.0, 0.5}}
+                              : Points{{-2.0, 1.0 / 12.0}, {-1.0, -8.0 / 12.0}, {1.0, 8.0 / 12.0}, {2.0, -1.0 / 12.0}};
     const auto count = static_cast<Eigen::Index>(free.size());
     Eigen::MatrixXd hessian(count, count);
     for (Eigen::Index i = 0; i < count; ++i) {

@@ -60,6 +60,10 @@ struct ErrorPoint {
 /// Covariance of u that enters (M10): of the determined parameters if restricted, shape (q, q), else (0, 0).
 [[nodiscard]] Eigen::MatrixXd parameter_covariance(const ErrorProblem& problem, const ErrorPoint& point);
 
+/// Whether one evaluation of the error parameters takes so long that searches save some: below, an estimate takes well
+/// under a second whatever is done.
+[[nodiscard]] bool is_long(const BlockSet& set);
+
 /// Second derivatives of Phi_psi with respect to the free error parameters, shape (free, free): by central differences
 /// of its gradient. Where one normal scale without prior whitens the whole problem it is 2 ||e||^2 / s^2, with theta at
 /// its best if it follows.

@@ -6,13 +6,6 @@
 
 namespace orbid::estimator {
 
-namespace {
-
-/// An estimate of fewer blocks takes well below a second whatever is done.
-constexpr std::size_t many_blocks = 1000;
-
-}  // namespace
-
 void ErrorUpdates::start(const Minimum& minimum, State& state, int round) {
     latent_fit_ = latent_fit_sizes(problem_, set_, state, minimum.rows, minimum.matching);
     if (state.errors_known || (set_.provisional && round > 1)) return;
@@ -77,7 +70,7 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
     // step repeats the search. Short data are always searched to the end. That costs nothing, and the likelihood of two
     // scales may have another minimum nearby, where one of them is zero.
     ErrorSearch search;
-    if (set_.all_blocks >= many_blocks) {
+    if (is_long(set_)) {
         search.tolerance = std::clamp(1e-3 * length, 1e-12, 1e-2);
         search.known = &curvature_;
         if (length > 1e-2 && set_.constraints == 0) search.untried = 0.1;

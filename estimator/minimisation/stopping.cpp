@@ -7,7 +7,9 @@ namespace orbid::estimator {
 
 namespace {
 
-/// After the convergence test is met, steps go on while they gain digits: at most this many.
+/// After the convergence test is met, steps go on while they gain digits: to this share of the tolerance, and at most
+/// this many.
+constexpr double polished_share = 1e-4;
 constexpr int polishing_steps = 12;
 
 /// This many small steps without halving what is left gain nothing any more.
@@ -42,8 +44,8 @@ void Stopping::note_remaining(double remaining) {
 
 /// Whether further steps would not add digits to a minimum that is already good enough.
 bool Stopping::gains_no_digits(double remaining) const {
-    return remaining < polished_sds || polishing_ >= polishing_steps || rejected_ > 0 ||
-           (polishing_ > 1 && remaining > 0.8 * last_);
+    return remaining < polished_share * problem_.options.step_tolerance || polishing_ >= polishing_steps ||
+           rejected_ > 0 || (polishing_ > 1 && remaining > 0.8 * last_);
 }
 
 /// Whether the step that is left is not more than the residuals' rounding.

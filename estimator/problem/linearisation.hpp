@@ -48,19 +48,17 @@ struct BlockRows {
 
 /// One block's rows divided by the errors (without constraints and linked records), and -ln p of its records without
 /// ln|Sigma_b| and known sds.
-[[nodiscard]] WhitenedRows<double> standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws,
-                                                 const Eigen::VectorXd& psi, Curvature curvature);
+[[nodiscard]] WhitenedRows standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws,
+                                         const Eigen::VectorXd& psi, Curvature curvature);
 /// The same for some parts only, for instance BlockRows::linked_parts.
-[[nodiscard]] WhitenedRows<double> standard_rows(const std::vector<PartRows>& parts,
-                                                 const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
-                                                 Curvature curvature);
+[[nodiscard]] WhitenedRows standard_rows(const std::vector<PartRows>& parts, const std::vector<NoiseModel>& laws,
+                                         const Eigen::VectorXd& psi, Curvature curvature);
 
 /// Derivative of standard_rows() of a block, or of these parts of it, with respect to psi[k]; rows that do not depend
 /// on it are zero.
-[[nodiscard]] WhitenedRows<double> standard_rows_derivative(const BlockRows& block, const std::vector<PartRows>& parts,
-                                                            const std::vector<NoiseModel>& laws,
-                                                            const Eigen::VectorXd& psi, Eigen::Index k,
-                                                            Curvature curvature, const WhitenedRows<double>& at);
+[[nodiscard]] WhitenedRows standard_rows_derivative(const BlockRows& block, const std::vector<PartRows>& parts,
+                                                    const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                                                    Eigen::Index k, Curvature curvature, const WhitenedRows& at);
 
 /// Whether the rows of all blocks are the same with Curvature::step (or guarded) and expected.
 [[nodiscard]] bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws);
@@ -69,7 +67,7 @@ struct BlockRows {
 struct WhitenedArrow {
     BlockArrow arrow;
     /// Per block, kept on request; empty where the block-arrow matrix has them unchanged, see own_rows().
-    std::vector<WhitenedRows<double>> rows;
+    std::vector<WhitenedRows> rows;
     std::vector<Eigen::Index> linked_records;  ///< whitened rows of linked records per block
     double value = 0.0;                        ///< sum of the blocks' values
 

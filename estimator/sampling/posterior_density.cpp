@@ -189,14 +189,14 @@ double PosteriorDensity::value(const PosteriorPlace& place, Eigen::VectorXd& gra
     // Not compressed: the gradient needs each row once, a factorisation costs more.
     const std::vector<BlockRows> rows =
         linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, false);
-    const auto add = [&](std::size_t b, const std::vector<PartRows>& parts, const WhitenedRows<double>& standard) {
+    const auto add = [&](std::size_t b, const std::vector<PartRows>& parts, const WhitenedRows& standard) {
         result += standard.value;
         if (standard.rows.size() == 0) return;
         const Eigen::VectorXd slope =
             standard.rows.leftCols(standard.rows.cols() - 1).transpose() * standard.rows.rightCols(1);
         gradient(columns_of(latent, b, rows[b], &parts == &rows[b].linked_parts, q)) += slope;
         const BlockRows errors = errors_alone(rows[b], parts);
-        const WhitenedRows<double> at{standard.rows.rightCols(1), standard.value};
+        const WhitenedRows at{standard.rows.rightCols(1), standard.value};
         for (std::size_t k = 0; k < free_errors_.size(); ++k)
             gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
                 standard_rows_derivative(errors, errors.parts, problem_.laws, place.psi, free_errors_[k],
@@ -213,7 +213,7 @@ double PosteriorDensity::value(const PosteriorPlace& place, Eigen::VectorXd& gra
     gradient.head(q) += prior.gradient;
     for (const NoiseModel& law : problem_.laws) {
         const Eigen::VectorXd psi = law.own(place.psi);
-        result += prior_term<double>(law, psi);
+        result += prior_term(law, psi);
         for (std::size_t k = 0; k < free_errors_.size(); ++k)
             if (law.has(free_errors_[k]))
                 gradient[q + set_.latents + static_cast<Eigen::Index>(k)] +=
@@ -232,7 +232,7 @@ Eigen::MatrixXd PosteriorDensity::information(const PosteriorPlace& place) const
     const std::vector<Eigen::Index> latent = latent_places(set_, q);
     const std::vector<BlockRows> rows =
         linearise(set_, problem_.laws, evaluation.values, problem_.coordinates, theta, true);
-    const auto add = [&](std::size_t b, bool linked, const WhitenedRows<double>& standard) {
+    const auto add = [&](std::size_t b, bool linked, const WhitenedRows& standard) {
         if (standard.rows.size() == 0) return;
         const auto columns = columns_of(latent, b, rows[b], linked, q);
         const auto own = standard.rows.leftCols(standard.rows.cols() - 1);

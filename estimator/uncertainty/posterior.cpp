@@ -233,7 +233,7 @@ Eigen::VectorXd Posterior::variance_slopes(const Eigen::VectorXd& y) const {
                 slope += 2.0 * here.segment(first, part->records.rows.rows()).squaredNorm();  // dS = -S
                 continue;
             }
-            const WhitenedRows<double> derivative =
+            const WhitenedRows derivative =
                 standard_rows_derivative(block, parts, problem_.laws, state_.psi, k, Curvature::expected, {at, 0.0});
             slope -= 2.0 * here.dot(derivative.rows.leftCols(step.size()) * step);
         }

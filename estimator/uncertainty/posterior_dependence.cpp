@@ -211,7 +211,7 @@ std::vector<ScoreRows> Posterior::score_rows(double& length) const {
         for (const std::size_t b : row) {
             const ActiveBlock& block = set_.blocks[b];
             const Eigen::VectorXd time = record_times(block.channel, length);
-            const auto add = [&](const WhitenedRows<double>& standard, const std::vector<LawPart>& parts,
+            const auto add = [&](const WhitenedRows& standard, const std::vector<LawPart>& parts,
                                  const Eigen::MatrixXd& move, bool latent) {
                 if (standard.rows.rows() == 0) return;
                 ScoreRows scores;

@@ -98,8 +98,8 @@ TEST_CASE("error laws: changes of the value keep their digits", "[estimator]") {
             // Terms of psi alone drop out of the difference.
             LawRecords before{e, observed, 40};
             LawRecords after{next, observed, 40};
-            const double difference = whitened_rows<double>(p.law, after, p.psi, Curvature::step).value -
-                                      whitened_rows<double>(p.law, before, p.psi, Curvature::step).value;
+            const double difference = whitened_rows(p.law, after, p.psi, Curvature::step).value -
+                                      whitened_rows(p.law, before, p.psi, Curvature::step).value;
             CHECK_THAT(change, WithinAbs(difference, 1e-12));
         }
         CHECK(value_change(p.law, e, e, observed, p.psi) == 0.0);
@@ -190,7 +190,7 @@ TEST_CASE("error laws: their rows lead Gauss-Newton steps to the minimum", "[est
             int steps = 0;
             double gradient = 1.0;
             for (; steps < 100; ++steps) {
-                const auto standard = whitened_rows<double>(law, records, psi, Curvature::step);
+                const auto standard = whitened_rows(law, records, psi, Curvature::step);
                 const Eigen::VectorXd g = standard.rows.leftCols(3).transpose() * standard.rows.col(3);
                 gradient = g.norm() / static_cast<double>(n);
                 if (gradient < 1e-10) break;
