@@ -15,6 +15,7 @@
 
 #include <tbb/global_control.h>
 
+#include "bench/ratio.hpp"
 #include "models/catalogue/registry.hpp"
 #include "periodic/branches/continuation.hpp"
 
@@ -147,6 +148,10 @@ int main() {
         std::printf("\n");
         doublings.push_back(ours[g].doubling);
     }
+    for (std::size_t g = 0; g < std::min(ours.size(), theirs.size()); ++g)
+        bench::print_ratio("a point of a branch, period " + std::to_string(1 << g), "AUTO-07p",
+                           1e3 * ours[g].time / static_cast<double>(ours[g].points),
+                           1e3 * theirs[g].time / static_cast<double>(theirs[g].points), "ms");
     std::printf("ratios of the intervals:");
     for (const double ratio : periodic::doubling_ratios(doublings))
         std::printf(" %.6f", ratio);

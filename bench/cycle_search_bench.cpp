@@ -21,6 +21,7 @@
 #include <Eigen/LU>
 
 #include "bench/odeint_loop.hpp"
+#include "bench/ratio.hpp"
 #include "models/catalogue/registry.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 #include "orbits/sections/neighbour_index.hpp"
@@ -197,8 +198,8 @@ void henon(double box, int exponent) {
         const NanoflannTree tree(std::vector<double>(values.data(), values.data() + values.size()));
         if (tree.farthest_of(24).empty()) std::printf("no neighbours\n");
     });
-    std::printf("nanoflann, tree and 24 nearest of all points, one thread: %.2f s; search / peer %.3f\n", peer,
-                seconds / peer);
+    bench::print_ratio("Henon: the whole search for cycles", "nanoflann's 24 nearest of all points alone", seconds,
+                       peer, "s");
 #endif
 }
 

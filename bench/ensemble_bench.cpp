@@ -21,6 +21,7 @@
 #include <numbers>
 #include <vector>
 
+#include "bench/ratio.hpp"
 #include "models/catalogue/registry.hpp"
 
 namespace {
@@ -145,7 +146,10 @@ int main(int count, char** arguments) {
             std::printf("  odeint rkf78, tolerance %.0e: %.2f us per period\n", t,
                         peer_time / (trajectories * periods) * 1e6);
             if (!(median_error(theirs) <= error)) continue;
-            std::printf("  ratio of times, odeint / orbid: %.2f\n", peer_time / time);
+            char task[80];
+            std::snprintf(task, sizeof task, "sections of 4 trajectories, tolerance %.0e, equal error", tolerance);
+            constexpr double each = 1e6 / (trajectories * periods);
+            orbid::bench::print_ratio(task, "Boost.Odeint rkf78", each * time, each * peer_time, "us");
             break;
         }
     }

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "bench/odeint_loop.hpp"
+#include "bench/ratio.hpp"
 #include "models/catalogue/registry.hpp"
 #include "models/trajectories/odeint/odeint_kernel.hpp"
 
@@ -163,8 +164,8 @@ void compare(const Case& c) {
         std::printf("  ... loosest tolerance with a median of %.1e\n", best_peer->median);
         const auto best = loosest([&](double t) { return ours(c, t, starts, exact); }, best_peer->median);
         if (best)
-            std::printf("rkf78 %.2f us, orbid %.2f us at no larger error: ratio %.1f\n", best_peer->microseconds,
-                        best->microseconds, best_peer->microseconds / best->microseconds);
+            bench::print_ratio(std::string(c.title) + ": a period in blocks, equal error", "Boost.Odeint rkf78",
+                               best->microseconds, best_peer->microseconds, "us");
     }
     std::printf("\n");
 }
@@ -208,6 +209,7 @@ void by_both_steppers(const Case& c) {
         if (c.system->smooth(moved)) free.push_back(i);
     }
     std::printf("%s, flow_with_sensitivities, us per period (verner, odeint, ratio):", c.title);
+    std::array<double, 2> last{};
     for (const double tolerance : {1e-8, 1e-10, 1e-12}) {
         const auto cost = [&](const models::System& system) {
             const double seconds = processor_seconds_of([&] {
@@ -219,8 +221,11 @@ void by_both_steppers(const Case& c) {
         };
         const double own = cost(*c.system), peers = cost(*other);
         std::printf(" %.0e: %.0f %.0f %.1f", tolerance, own, peers, peers / own);
+        last = {own, peers};
     }
     std::printf("\n");
+    bench::print_ratio(std::string(c.title) + ": a period with all derivatives, 1e-12", "Boost.Odeint's steps in orbid",
+                       last[0], last[1], "us");
 }
 
 /// How much faster all cores are than one, at work that is cut into pieces.
@@ -251,6 +256,8 @@ void on_all_cores(const Case& c) {
     });
     std::printf("%s: %d cores %.2f times as fast as one (%.2f x cores); loops that share nothing: %.2f\n", c.title,
                 cores, gain, gain / cores, machine);
+    bench::print_ratio(std::string(c.title) + ": blocks on all cores", "loops that share nothing", 1.0 / gain,
+                       1.0 / machine, "of one core's time");
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <tbb/global_control.h>
 
 #include "bench/nanoflann_tree.hpp"
+#include "bench/ratio.hpp"
 #include "models/catalogue/registry.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 
@@ -99,6 +100,8 @@ void compare(const char* name, const orbits::Series& series) {
         "nanoflann %.0f: ratio %.2f;  together %.2f;  %zu different\n",
         name, points.size(), build, peer_build, build / peer_build, query * each, peer_query * each, query / peer_query,
         (build + query) / (peer_build + peer_query), different);
+    bench::print_ratio(std::string(name) + ": neighbour index and 24 nearest of all points", "nanoflann", build + query,
+                       peer_build + peer_query, "s");
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "bench/identification_experiment.hpp"
+#include "bench/ratio.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
 
 namespace orbid::bench {
@@ -134,8 +135,10 @@ void compare_iterations(std::size_t sections) {
                       (many_cost.processor - few_cost.processor) / (many - few)};
         std::printf("    ours: evaluation %.3f s (processor %.3f s), with derivatives %.3f s (%.3f s)\n", plain.wall,
                     plain.processor, full.wall, full.processor);
-        std::printf("    ours: iteration %.3f s (processor %.3f s); Ceres over ours %.1f (%.1f)\n", us.wall,
-                    us.processor, peer.wall / us.wall, peer.processor / us.processor);
+        char task_name[80];
+        std::snprintf(task_name, sizeof task_name, "an iteration on %zu sections, 4 parameters, flows to %.0e",
+                      e.series.size(), tolerance);
+        print_ratio(task_name, "Ceres", us.processor, peer.processor, "s of the processor");
         std::printf("    Ceres over two evaluations of ours, all that flows cost: %.1f\n",
                     peer.processor / (plain.processor + full.processor));
     }

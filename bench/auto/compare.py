@@ -86,7 +86,9 @@ def main():
                     errors = abs(multipliers[0] / unstable - 1.0), abs(multipliers[1] / stable - 1.0)
                     # Another orbit than the one asked for has other multipliers altogether.
                     theirs.append((time, *errors) if errors[0] < 0.05 else None)
-                print(f"{cycle[0]:6d}  {len(mine):6d} |", summary(mine), "|", summary(theirs), "|", ratio(mine, theirs))
+                print(f"{cycle[0]:6d}  {len(mine):6d} |", summary(mine), "|", summary(theirs))
+                print_ratio(f"a cycle of period {cycle[0]}, multiplier {float(cycle[1]):.3g}",
+                            f"AUTO-07p, NTST {setting}", mine, theirs)
     return 0
 
 
@@ -98,9 +100,12 @@ def summary(results):
             f"{max(r[2] for r in good):.1e}")
 
 
-def ratio(mine, theirs):
+def print_ratio(task, peer, mine, theirs):
+    """A row of docs/performance.md, see ../ratio.hpp: medians over the starts from which both found the orbit."""
     both = [(a[0], b[0]) for a, b in zip(mine, theirs) if a is not None and b is not None]
-    return f"{statistics.median(b / a for a, b in both):.1f} x" if both else "-"
+    if both:
+        print(f"ratio | {task} | {peer} | {statistics.median(a for a, _ in both):.4g} ms | "
+              f"{statistics.median(b for _, b in both):.4g} ms | {statistics.median(a / b for a, b in both):.3f}")
 
 
 if __name__ == "__main__":
