@@ -34,6 +34,8 @@ orbits::CycleTargetOptions cycle_targets(const Job& whole) {
     targets.positions = job.positions;
     targets.multipliers = job.multipliers;
     targets.multiplier_error = job.multiplier_error;
+    targets.times = job.times;
+    targets.time_error = job.time_error;
     // Cycles of a file are states.
     if (!whole.orbits->file) targets.sensor = whole.data[whole.orbits->data].sensor;
     std::vector<Eigen::Index> coordinates;
@@ -123,6 +125,7 @@ identification::IdentificationProblem identification_problem(const Job& job, std
     problem.waveform = job.estimate->waveform;
     if (job.estimate->branch) problem.branch = measured_branch(job);
     problem.measured.section_phase = job.section_phase;
+    problem.measured.plane = job_section(job);
     if (job.orbits && !job.orbits->file) problem.measured.experiment = job.orbits->data;
     return problem;
 }
@@ -134,6 +137,11 @@ void add_measured_cycles(const Job& job, const SearchedSection* section, const o
     problem.measured.section = borrowed(section->series());
     problem.measured.options = section->options;
     problem.measured.experiment = job.orbits->data;
+    if (section->plane && !job.orbits->embedding)
+        problem.measured.plane =
+            models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(),
+                                                  job.model.system->coordinate_index(section->plane->coordinate)),
+                            section->plane->value, section->plane->direction};
     if (!problem.waveform || !problem.waveform->of_cycles) return;
     std::vector<Eigen::Index> rows;
     for (const identification::RecordErrors& error : problem.waveform->errors) {

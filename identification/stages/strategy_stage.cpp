@@ -60,7 +60,7 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
     orbits::CycleResidualOptions options;
     options.targets = targets;
     return std::make_unique<orbits::CycleResidual>(input.problem.system, input.cycle_binding, input.search.cycles,
-                                                   input.problem.measured.section_phase, start, nodes, options);
+                                                   input.problem.measured.place(), start, nodes, options);
 }
 
 /// The residuals of a stage; cycles and series with a start of their own move `parameters`.
@@ -116,7 +116,7 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
             };
             if (!known)
                 start = start_from_cycles(
-                    {problem.system, input.cycle_binding, input.search.cycles, problem.measured.section_phase, targets},
+                    {problem.system, input.cycle_binding, input.search.cycles, problem.measured.place(), targets},
                     parameters, start_options);
             begin_at(start.theta, parameters);
         }
