@@ -82,6 +82,8 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
         computed.message = orbit_message(found[b]);
         if (computed.converged() && !active.layout[b].active)
             computed.message = "the model has this orbit at the estimate, but the estimate does not use it";
+        // Nodes of a mesh that did not converge are no points of the section.
+        if (computed.orbit.points.cols() != computed.orbit.period) computed.orbit.points.resize(0, 0);
         show_start(computed.orbit, residual.states(search.cycles[residual.cycle_of(b)].points));
     }
     // The stage "periodic" of the same job has orbits of its own.

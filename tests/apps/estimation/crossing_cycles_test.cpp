@@ -1,7 +1,6 @@
 // Points of cycles of autonomous flows as data of a job: found in a record and compared with the model at one section.
 
 #include <cmath>
-#include <fstream>
 
 #include "tests/apps/job/job_problems.hpp"
 #include "tests/apps/program/program.hpp"
@@ -26,15 +25,6 @@ json lorenz_job() {
                     "residuals": [ { "type": "cycles" } ] },
       "reference": { "sigma": 10, "rho": 28, "beta": 2.6666666666666665 },
       "output": { "series": "none" } })");
-}
-
-/// Periods 2 and 3 of the table of 25 digits (tests/reference/lorenz_orbits.json) in their first crossings is not
-/// enough: the file needs all of them, which the model gives.
-json measured_job(const Path& cycles) {
-    json job = lorenz_job();
-    job.erase("data");
-    job["orbits"] = {{"file", cycles.string()}};
-    return job;
 }
 
 void check_parameters(const json& result, double most_sds, double most_share) {
@@ -71,6 +61,23 @@ TEST_CASE("Lorenz equations from points and times of cycles", "[apps][run][cycle
     const json complete = read_json(out / "job.json");
     CHECK(complete["estimate"]["residuals"][0]["times"] == true);
     CHECK(problems(complete.dump(1)).empty());
+
+    // The same cycles at another plane.
+    json other = complete;
+    other.erase("data");
+    other["orbits"] = {{"file", (out / "cycles.json").string()}};
+    other["section"]["value"] = 60;
+    const Outcome refused = orbid_with({"check", write_job(folder.path() / "other.json", other)});
+    CAPTURE(refused.error);
+    CHECK(refused.code == 3);
+    CHECK_THAT(refused.error, ContainsSubstring("its cycles are points of the section z = 27, rising"));
+}
+
+TEST_CASE("a residual of cycles in delays is refused", "[apps][cycles]") {
+    json job = lorenz_job();
+    job["data"]["observe"] = {"x"};
+    job["section"] = "auto";
+    check_only(job.dump(1), "/estimate/residuals/0: compares states, but points of the cycles are vectors");
 }
 
 }  // namespace crossing_cycles_job_test
