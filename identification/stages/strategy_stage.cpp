@@ -122,6 +122,12 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
         }
         input.observer.within("orbits at the start");
         residuals.cycles = cycle_residual(input, targets, starts(parameters), start.nodes);
+        const auto shares_errors = [](const orbits::Cycle& cycle) { return cycle.common.size() > 0; };
+        if (!known && problem.measured.plane &&
+            std::none_of(input.search.cycles.begin(), input.search.cycles.end(), shares_errors))
+            input.observer.remark(
+                "cycles: errors that their points and times share are not known: intervals may be several times too "
+                "small; a stage of type series from here has intervals that hold");
     }
     return residuals;
 }

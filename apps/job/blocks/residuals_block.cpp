@@ -86,7 +86,10 @@ void prepare_cycles(ObjectReader& object, const Job& job, CyclesResidualJob& cyc
 
 void complete_cycles(ObjectReader& object, const Job& job, bool, CyclesResidualJob& cycles) {
     if (!cycles.positions && !cycles.multipliers && !cycles.times)
-        object.find("positions")->report("must be true without \"multipliers\": true: nothing is left to compare");
+        object.find("positions")
+            ->report(job.model.is(models::Kind::autonomous)
+                         ? "must be true without \"multipliers\" or \"times\": nothing is left to compare"
+                         : "must be true without \"multipliers\": true: nothing is left to compare");
     ErrorUse use;
     if (cycles.multipliers) use.multipliers = &cycles.multiplier_error;
     if (cycles.times) use.times = &cycles.time_error;
