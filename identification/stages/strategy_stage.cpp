@@ -57,6 +57,13 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
                                                       const orbits::CycleTargetOptions& targets,
                                                       const Eigen::VectorXd& start,
                                                       const std::vector<Eigen::MatrixXd>& nodes) {
+    const auto shares_errors = [](const orbits::Cycle& cycle) { return cycle.common.size() > 0; };
+    if (input.problem.measured.plane &&
+        std::none_of(input.search.cycles.begin(), input.search.cycles.end(), shares_errors))
+        input.observer.remark(
+            "cycles: errors that their points and times share are not known: intervals may be several times too small; "
+            "a "
+            "stage of type series from here has intervals that hold");
     orbits::CycleResidualOptions options;
     options.targets = targets;
     return std::make_unique<orbits::CycleResidual>(input.problem.system, input.cycle_binding, input.search.cycles,
@@ -122,12 +129,6 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
         }
         input.observer.within("orbits at the start");
         residuals.cycles = cycle_residual(input, targets, starts(parameters), start.nodes);
-        const auto shares_errors = [](const orbits::Cycle& cycle) { return cycle.common.size() > 0; };
-        if (!known && problem.measured.plane &&
-            std::none_of(input.search.cycles.begin(), input.search.cycles.end(), shares_errors))
-            input.observer.remark(
-                "cycles: errors that their points and times share are not known: intervals may be several times too "
-                "small; a stage of type series from here has intervals that hold");
     }
     return residuals;
 }
