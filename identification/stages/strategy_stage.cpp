@@ -62,8 +62,7 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
         std::none_of(input.search.cycles.begin(), input.search.cycles.end(), shares_errors))
         input.observer.remark(
             "cycles: errors that their points and times share are not known: intervals may be several times too small; "
-            "a "
-            "stage of type series from here has intervals that hold");
+            "a stage of type series from here has intervals that hold");
     orbits::CycleResidualOptions options;
     options.targets = targets;
     return std::make_unique<orbits::CycleResidual>(input.problem.system, input.cycle_binding, input.search.cycles,
