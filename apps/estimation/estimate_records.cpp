@@ -27,10 +27,10 @@ double relative_of(const estimator::EstimatedScale& scale) {
     return 0.0;
 }
 
-/// Phase [rad] of the k-th point of a cycle; of a map the number of the iteration.
+/// Phase [rad] of the k-th point of a cycle; of a map the number of the iteration, of a plane that of the crossing.
 double at_section(const Workspace& work, Eigen::Index k) {
     const auto count = static_cast<double>(k);
-    if (work.system().kind() == models::Kind::map) return count;
+    if (work.system().kind() != models::Kind::forced) return count;
     return work.job.section_phase + 2.0 * std::numbers::pi * count;
 }
 
@@ -44,7 +44,7 @@ double nearest_prediction(double observed, double e, bool angle) {
 void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual, const estimator::ActiveSet& active,
                     const orbits::CycleSearch& search, const estimator::Estimate& estimate,
                     const std::vector<estimator::BlockValue>& values, std::vector<ResidualRow>& rows) {
-    const auto coordinates = work.system().coordinates();
+    const std::vector<models::Coordinate>& coordinates = residual.coordinates();
     const auto n = static_cast<Eigen::Index>(coordinates.size());
     const std::string experiment = work.job.orbits->file ? std::string() : work.job.data[work.job.orbits->data].name;
     for (std::size_t b = 0; b < values.size(); ++b) {
@@ -62,6 +62,11 @@ void add_cycle_rows(const Workspace& work, const orbits::CycleResidual& residual
                 const double ln_multiplier = residual.target(b).ln_multiplier[i - position];
                 rows.push_back({experiment, label, "ln_multiplier", at_section(work, 0), ln_multiplier,
                                 ln_multiplier - values[b].e[i], sd});
+                continue;
+            }
+            if (group.name == "cycles.time") {
+                rows.push_back(
+                    {experiment, label, "time", at_section(work, 0), cycle.time, cycle.time - values[b].e[i], sd});
                 continue;
             }
             const auto& coordinate = coordinates[static_cast<std::size_t>(position % n)];

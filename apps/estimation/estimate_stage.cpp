@@ -69,7 +69,7 @@ void describe_data(const Workspace& work, const std::vector<Experiment>& data, c
 /// Stores the orbits that belong to the measured cycles at the estimate.
 void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, const estimator::ActiveSet& active,
                   const orbits::CycleSearch& search, const models::ParameterBinding& binding,
-                  const Eigen::VectorXd& theta, const Fingerprint& fingerprint) {
+                  const Eigen::VectorXd& theta, const IdentificationProblem& problem, const Fingerprint& fingerprint) {
     std::vector<std::string> names;
     for (const Eigen::Index parameter : binding.parameter)
         names.emplace_back(work.job.model.parameter(parameter).name);
@@ -82,11 +82,21 @@ void store_orbits(const Workspace& work, const orbits::CycleResidual& residual, 
         computed.message = orbit_message(found[b]);
         if (computed.converged() && !active.layout[b].active)
             computed.message = "the model has this orbit at the estimate, but the estimate does not use it";
-        show_start(computed.orbit, search.cycles[residual.cycle_of(b)].points);
+        // Nodes of a mesh that did not converge are no points of the section.
+        if (computed.orbit.points.cols() != computed.orbit.period) computed.orbit.points.resize(0, 0);
+        show_start(computed.orbit, residual.states(search.cycles[residual.cycle_of(b)].points));
     }
     // The stage "periodic" of the same job has orbits of its own.
     const std::string name = work.job.periodic ? "estimate_orbits.json" : "orbits.json";
-    work.folder.store(name, orbits_text(cycle_file_head(work.job, fingerprint), orbits, names));
+    CycleFileHead head = cycle_file_head(work.job, fingerprint);
+    head.coordinates = series_coordinates(work.system());  // also the one that is the same at all points of the section
+    if (const auto& plane = problem.measured.plane) {
+        Eigen::Index normal = 0;
+        plane->normal.cwiseAbs().maxCoeff(&normal);
+        head.plane = SectionPlane{std::string(work.job.model.coordinate(normal).name),
+                                  plane->offset / plane->normal[normal], plane->direction};
+    }
+    work.folder.store(name, orbits_text(head, orbits, names));
 }
 
 /// Rows of residuals.csv, and what result.json says segment by segment; stores orbits and plots.
@@ -109,7 +119,7 @@ std::vector<ResidualRow> describe_records(const Workspace& work, const Identific
         add_cycle_rows(work, *residuals.cycles, active, search, estimate, estimate.residuals[index++], rows);
         if (!job.periodic)
             store_orbits(work, *residuals.cycles, active, search, identification::searched_binding(problem, setup),
-                         theta, context.fingerprint);
+                         theta, problem, context.fingerprint);
     }
     for (std::size_t i = 0; i < residuals.series.size(); ++i, ++index) {
         const std::size_t experiment = residuals.experiments[i];
@@ -287,6 +297,7 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
             measured.search = problem.measured.search;
             measured.section = problem.measured.section;
             measured.options = problem.measured.options;
+            measured.plane = problem.measured.plane;
             count_cycles(cycles.search, outcome.context);
             outcome.context.orbits_missing = cycles.search.missing;
         };

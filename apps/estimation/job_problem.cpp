@@ -26,7 +26,8 @@ std::shared_ptr<const orbits::Series> borrowed(const orbits::Series& series) {
 }
 
 /// How the measured cycles are weighted, how their errors are distributed and how their points were read.
-orbits::CycleTargetOptions cycle_targets(const Job& whole) {
+/// @param plane  coordinate that is the same at all points; -1: none
+orbits::CycleTargetOptions cycle_targets(const Job& whole, Eigen::Index plane) {
     const CyclesResidualJob& job = *whole.estimate->cycles;
     orbits::CycleTargetOptions targets;
     targets.periods = job.periods;
@@ -34,10 +35,13 @@ orbits::CycleTargetOptions cycle_targets(const Job& whole) {
     targets.positions = job.positions;
     targets.multipliers = job.multipliers;
     targets.multiplier_error = job.multiplier_error;
+    targets.times = job.times;
+    targets.time_error = job.time_error;
     // Cycles of a file are states.
     if (!whole.orbits->file) targets.sensor = whole.data[whole.orbits->data].sensor;
     std::vector<Eigen::Index> coordinates;
     for (const ErrorJob& error : job.errors) {
+        if (error.coordinate == plane) continue;
         targets.errors.push_back(error.scale);
         targets.forms.push_back(identification::error_form(error));
         coordinates.push_back(error.coordinate);
@@ -118,11 +122,13 @@ identification::IdentificationProblem identification_problem(const Job& job, std
     problem.derived = job.estimate->derived;
     for (std::size_t e = 0; e < job.data.size(); ++e)
         problem.experiments.push_back(identification_experiment(job.data[e], e < data.size() ? &data[e] : nullptr));
-    if (job.estimate->cycles) problem.cycles = cycle_targets(job);
+    if (job.estimate->cycles)
+        problem.cycles = cycle_targets(job, job.section_plane ? job.section_plane->coordinate : -1);
     problem.series = job.estimate->series;
     problem.waveform = job.estimate->waveform;
     if (job.estimate->branch) problem.branch = measured_branch(job);
     problem.measured.section_phase = job.section_phase;
+    problem.measured.plane = job_section(job);
     if (job.orbits && !job.orbits->file) problem.measured.experiment = job.orbits->data;
     return problem;
 }
@@ -134,6 +140,12 @@ void add_measured_cycles(const Job& job, const SearchedSection* section, const o
     problem.measured.section = borrowed(section->series());
     problem.measured.options = section->options;
     problem.measured.experiment = job.orbits->data;
+    if (section->plane && !job.orbits->embedding) {
+        const Eigen::Index normal = job.model.system->coordinate_index(section->plane->coordinate);
+        problem.measured.plane = models::Section{Eigen::VectorXd::Unit(job.model.system->dimension(), normal),
+                                                 section->plane->value, section->plane->direction};
+        if (problem.cycles) problem.cycles = cycle_targets(job, normal);
+    }
     if (!problem.waveform || !problem.waveform->of_cycles) return;
     std::vector<Eigen::Index> rows;
     for (const identification::RecordErrors& error : problem.waveform->errors) {

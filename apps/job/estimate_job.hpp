@@ -55,10 +55,12 @@ struct CyclesResidualJob {
     std::vector<int> periods;
     bool covariance = true;        ///< weights: the analysis' covariance times a factor; false: equal, a sd
     bool positions = true;         ///< the points are data
-    bool multipliers = false;      ///< ln|multiplier| is data; at least one of the two
+    bool multipliers = false;      ///< ln|multiplier| is data; at least one of the three
+    bool times = false;            ///< T is data: autonomous models
     std::vector<ErrorJob> errors;  ///< one per coordinate of the model, in their order
     std::vector<CovarianceJob> covariances;
     estimator::ErrorScale multiplier_error{true, 0.0, estimator::FlatPrior{}};  ///< as ErrorJob::scale
+    estimator::ErrorScale time_error{true, 0.0, estimator::FlatPrior{}};        ///< likewise
 };
 
 using MatchingJob = identification::Matching;

@@ -54,6 +54,9 @@ std::string cycles_summary(const orbits::CycleSearch& search) {
     std::string out = titled("Unstable periodic orbits in the series", table.text());
     for (const int period : search.missing)
         out += fmt::format("  period {}: none found{}\n", period, why_missing(search, period));
+    // How near the record comes to itself, and what it can be used for instead.
+    for (const std::string& remark : search.remarks)
+        if (search.cycles.empty() && !remark.starts_with("no cycle of period ")) out += fmt::format("  {}\n", remark);
     return out;
 }
 

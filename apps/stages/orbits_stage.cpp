@@ -1,6 +1,7 @@
 #include "apps/stages/orbits_stage.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -42,7 +43,7 @@ void say_missing(const Workspace& work, const orbits::CycleSearch& search) {
 /// Periods asked for of which a list from a file has none.
 orbits::CycleSearch from_file(const Workspace& work) {
     const OrbitsJob& orbits = *work.job.orbits;
-    orbits::CycleSearch search = read_cycles(*orbits.file, work.job.model.name, section_coordinates(work.job)).search;
+    orbits::CycleSearch search = named_cycles(work.job).search;
     search.missing.clear();
     if (work.job.estimate && work.job.estimate->cycles) {
         for (const int period : work.job.estimate->cycles->periods) {
@@ -56,7 +57,26 @@ orbits::CycleSearch from_file(const Workspace& work) {
     return search;
 }
 
+std::string description(const SectionPlane& plane) {
+    return fmt::format("{} = {}, {}", plane.coordinate, plane.value, plane.direction > 0 ? "rising" : "falling");
+}
+
 }  // namespace
+
+CycleFile named_cycles(const Job& job) {
+    constexpr double digits = 1e-9;  // that another program may print
+    CycleFile file = read_cycles(*job.orbits->file, job.model.name, section_coordinates(job));
+    const auto own = section_plane(job);
+    const auto& theirs = file.head.plane;
+    if (!own || !theirs) return file;
+    const double size = std::max(std::abs(own->value), std::abs(theirs->value));
+    const bool same = own->coordinate == theirs->coordinate && own->direction == theirs->direction &&
+                      std::abs(own->value - theirs->value) <= digits * size;
+    if (!same)
+        throw orbits::DataError(fmt::format("{}: its cycles are points of the section {}, that of the job is {}",
+                                            job.orbits->file->string(), description(*theirs), description(*own)));
+    return file;
+}
 
 bool are_cycles_optional(const Job& job) {
     if (!job.estimate || !job.orbits || job.orbits->file || job.orbits->always || job.orbits->invariants) return false;

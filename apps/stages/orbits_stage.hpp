@@ -17,6 +17,10 @@ namespace orbid::apps {
 /// Of cycles that were searched for in this section.
 [[nodiscard]] CycleFileHead cycle_file_head(const Job& job, const SearchedSection& section, Fingerprint fingerprint);
 
+/// The list of cycles that the job names.
+/// @throws orbits::DataError as read_cycles(), and when its cycles are points of another plane than the job's section.
+[[nodiscard]] CycleFile named_cycles(const Job& job);
+
 /// The cycles of the job: read from its file, or searched in the series and stored as cycles.json, which is reused
 /// while its fingerprint fits. Requested periods that were not found are reported.
 ///

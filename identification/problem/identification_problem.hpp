@@ -53,8 +53,13 @@ struct MeasuredCycles {
     orbits::CycleSearch search;                     ///< as orbits::find_cycles() returns it; one list of cycles will do
     std::optional<std::size_t> experiment;          ///< whose record was searched; nothing: the points are states
     double section_phase = 0.0;                     ///< [rad] of the section, forced models
+    std::optional<models::Section> plane{};         ///< of the section, autonomous flows: along one coordinate
     std::shared_ptr<const orbits::Series> section;  ///< what was searched; null: no more are searched for
     orbits::CycleSearchOptions options;             ///< of that search
+
+    [[nodiscard]] orbits::SectionPlace place() const {
+        return plane ? orbits::SectionPlace(*plane) : orbits::SectionPlace(section_phase);
+    }
 };
 
 /// What is to be identified from what. At least one of `cycles`, `series`, `waveform` and `branch` is

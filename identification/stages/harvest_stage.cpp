@@ -39,6 +39,7 @@ std::string harvest_cycles(StageInput& input, const StageRun& before) {
         options.search.reading_covariance = input.search.reading_covariance;
     options.sensor = problem.experiments[*measured.experiment].sensor;
     options.phase = measured.section_phase;
+    options.section = measured.plane;
     options.covariance = *covariance;
     options.free = input.cycle_binding.parameter;
     options.search.progress = [&observer = input.observer](const std::string& part, std::size_t done, std::size_t) {

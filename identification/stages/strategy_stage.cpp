@@ -57,10 +57,16 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
                                                       const orbits::CycleTargetOptions& targets,
                                                       const Eigen::VectorXd& start,
                                                       const std::vector<Eigen::MatrixXd>& nodes) {
+    const auto shares_errors = [](const orbits::Cycle& cycle) { return cycle.common.size() > 0; };
+    if (input.problem.measured.plane &&
+        std::none_of(input.search.cycles.begin(), input.search.cycles.end(), shares_errors))
+        input.observer.remark(
+            "cycles: errors that their points and times share are not known: intervals may be several times too small; "
+            "a stage of type series from here has intervals that hold");
     orbits::CycleResidualOptions options;
     options.targets = targets;
     return std::make_unique<orbits::CycleResidual>(input.problem.system, input.cycle_binding, input.search.cycles,
-                                                   input.problem.measured.section_phase, start, nodes, options);
+                                                   input.problem.measured.place(), start, nodes, options);
 }
 
 /// The residuals of a stage; cycles and series with a start of their own move `parameters`.
@@ -116,7 +122,7 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
             };
             if (!known)
                 start = start_from_cycles(
-                    {problem.system, input.cycle_binding, input.search.cycles, problem.measured.section_phase, targets},
+                    {problem.system, input.cycle_binding, input.search.cycles, problem.measured.place(), targets},
                     parameters, start_options);
             begin_at(start.theta, parameters);
         }

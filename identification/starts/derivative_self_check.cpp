@@ -6,6 +6,7 @@
 
 #include "models/system/derivative_check.hpp"
 #include "orbits/simulation/node_state.hpp"
+#include "orbits/simulation/section_map.hpp"
 #include "orbits/simulation/transition.hpp"
 
 namespace orbid::identification {
@@ -67,13 +68,13 @@ std::optional<FlowStart> of_orbits(const periodic::SteadyStateResidual& residual
     return std::nullopt;
 }
 
-FlowStart of_cycle(const models::System& system, const orbits::Cycle& cycle, double phase,
+FlowStart of_cycle(const models::System& system, const orbits::Cycle& cycle, const orbits::SectionPlace& place,
                    const models::ParameterBinding& binding, const Eigen::VectorXd& start) {
     FlowStart flow;
     flow.theta = binding.values(start);
     flow.free = binding.parameter;
-    flow.state = cycle.points.col(0);
-    flow.phase = phase;
+    flow.state = orbits::SectionMap(system, place, {}).states(cycle.points.col(0));
+    flow.phase = place.phase;
     const bool forced = system.kind() == models::Kind::forced;
     flow.clock = forced ? models::Clock::phase : models::Clock::time;
     flow.durations = {forced ? system.period(flow.theta, flow.clock) : 1.0};
@@ -95,7 +96,7 @@ std::optional<FlowStart> first_flow(const IdentificationProblem& problem, const 
     } else if (residuals.branch) {
         flow = of_orbits(*residuals.branch, setup.start());
     } else if (problem.cycles && !problem.measured.search.cycles.empty()) {
-        flow = of_cycle(*problem.system, problem.measured.search.cycles.front(), problem.measured.section_phase,
+        flow = of_cycle(*problem.system, problem.measured.search.cycles.front(), problem.measured.place(),
                         cycle_binding, setup.start());
     } else if (problem.series) {
         const std::size_t experiment = problem.series->data.front();

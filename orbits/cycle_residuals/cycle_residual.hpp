@@ -78,6 +78,12 @@ public:
     [[nodiscard]] std::vector<periodic::PeriodicOrbit> orbits(const estimator::ActiveSet& active,
                                                               const Eigen::VectorXd& theta) const;
 
+    /// Of the points: those of the model, without that of the plane.
+    [[nodiscard]] const std::vector<models::Coordinate>& coordinates() const { return map_.coordinates(); }
+
+    /// Of the model at such points, shape (model's n, m).
+    [[nodiscard]] Eigen::MatrixXd states(const Eigen::MatrixXd& points) const { return map_.states(points); }
+
     /// Index of a block's cycle in the list that was given.
     [[nodiscard]] std::size_t cycle_of(std::size_t block) const { return targets_.targets.at(block).cycle; }
 

@@ -118,17 +118,29 @@ const FieldTable<ErrorJob>& error_fields() {
     return table;
 }
 
-/// Errors of ln|multiplier|: a sd, or with weights "covariance" a factor on the analysis' covariance.
+/// Errors of ln|multiplier|, or of T: a sd, or with weights "covariance" a factor on the analysis' covariance.
 const FieldTable<ErrorScale>& multiplier_error_fields() {
     static const FieldTable<ErrorScale> table{
         // Other distributions would need other curvatures than those that the analysis' covariance gives.
-        {key("distribution", choice({"normal"}), "Of ln|multiplier|.").by_default("normal"),
+        {key("distribution", choice({"normal"}), "Of ln|multiplier| or T.").by_default("normal"),
          [](const ValueReader& value, const Job&, ErrorScale&) { (void)value.choice({"normal"}); },
          [](const ErrorScale&, const Writing&) { return left_out(); }},
         {key("sd", number_or_estimate(above(0.0)), "As of a coordinate.").by_default("estimate"),
          [](const ValueReader& value, const Job&, ErrorScale& scale) { read_number_or_estimate(value, scale); },
          [](const ErrorScale& scale, const Writing&) { return number_or_estimate_document(scale); }}};
     return table;
+}
+
+/// Errors of what belongs to a cycle as a whole. @param scale  nullptr: it is no data
+void read_cycle_error(const ValueReader& member, const ErrorUse& use, ErrorScale* scale, const char* key,
+                      const Job& job) {
+    if (use.records == ErrorUse::Records::series) {
+        member.report(fmt::format("belongs to a residual of type cycles: a series has no {}", key));
+    } else if (scale == nullptr) {
+        member.report(fmt::format("needs \"{}\": true: they are no data yet", key));
+    } else {
+        read_object(member, multiplier_error_fields(), *scale, job);
+    }
 }
 
 /// What is said in one entry of "errors" beyond its numbers, for checks that look at several entries.
@@ -239,8 +251,11 @@ KeySchema errors_key() {
     const ValueSchema error = named("error", object(keys_of(error_fields())));
     return key("errors",
                entries(error, "an observed coordinate",
-                       {covariance_key(), key("ln_multiplier", object(keys_of(multiplier_error_fields())),
-                                              "Errors of ln|multiplier| of cycles.")}),
+                       {covariance_key(),
+                        key("ln_multiplier", object(keys_of(multiplier_error_fields())),
+                            "Errors of ln|multiplier| of cycles."),
+                        key("time", object(keys_of(multiplier_error_fields())),
+                            "Errors of the time in which cycles of autonomous models close.")}),
                "How readings err, by coordinate; one left out is normal with an estimated sd.");
 }
 
@@ -268,13 +283,12 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
             continue;
         }
         if (name == "ln_multiplier") {
-            if (use.records == ErrorUse::Records::series) {
-                member.report("belongs to a residual of type cycles: a series has no multipliers");
-            } else if (use.multipliers == nullptr) {
-                member.report("needs \"multipliers\": true: they are no data yet");
-            } else {
-                read_object(member, multiplier_error_fields(), *use.multipliers, job);
-            }
+            read_cycle_error(member, use, use.multipliers, "multipliers", job);
+            continue;
+        }
+        if (name == "time" &&
+            (use.times != nullptr || job.model.system == nullptr || job.model.system->coordinate_index(name) < 0)) {
+            read_cycle_error(member, use, use.times, "times", job);
             continue;
         }
         const std::size_t problems_before = member.problem_count();
@@ -296,11 +310,13 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
     if (within || beside) read_covariance(within ? *within : *beside, use, job, entries, errors, covariances);
 }
 
-Json errors_document(const std::vector<ErrorJob>& errors, const ErrorScale* multipliers, const Writing& at) {
+Json errors_document(const std::vector<ErrorJob>& errors, const ErrorScale* multipliers, const ErrorScale* times,
+                     const Writing& at) {
     Json object = Json::object();
     for (const ErrorJob& error : errors)
         object[coordinate_name(at.job, error.coordinate)] = fields_document(error, error_fields(), at);
     if (multipliers != nullptr) object["ln_multiplier"] = fields_document(*multipliers, multiplier_error_fields(), at);
+    if (times != nullptr) object["time"] = fields_document(*times, multiplier_error_fields(), at);
     return object;
 }
 

@@ -57,6 +57,7 @@ struct ErrorUse {
     std::vector<Eigen::Index> coordinates;         ///< with errors
     std::vector<std::size_t> data;                 ///< series: indices into Job::data
     estimator::ErrorScale* multipliers = nullptr;  ///< for those of "ln_multiplier"; none: not data
+    estimator::ErrorScale* times = nullptr;        ///< for those of "time"; none: not data
 
     /// Adds those that are not there; they are kept in order.
     void add_coordinates(const std::vector<Eigen::Index>& more);
@@ -74,8 +75,10 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
 [[nodiscard]] KeySchema errors_key();
 [[nodiscard]] KeySchema covariance_key();
 /// @param multipliers  errors of ln|multiplier|; nullptr where these are no data.
+/// @param times        the same of T.
 [[nodiscard]] nlohmann::ordered_json errors_document(const std::vector<ErrorJob>& errors,
-                                                     const estimator::ErrorScale* multipliers, const Writing& at);
+                                                     const estimator::ErrorScale* multipliers,
+                                                     const estimator::ErrorScale* times, const Writing& at);
 /// A job has one covariance per residual.
 [[nodiscard]] nlohmann::ordered_json covariance_document(const std::vector<CovarianceJob>& covariances,
                                                          const Writing& at);
@@ -85,9 +88,12 @@ template <class Residual>
 void add_error_fields(FieldTable<Residual>& table) {
     table.push_back({errors_key(), read_later<Residual>, [](const Residual& residual, const Writing& at) {
                          const estimator::ErrorScale* multipliers = nullptr;
+                         const estimator::ErrorScale* times = nullptr;
                          if constexpr (requires { residual.multiplier_error; })
                              if (residual.multipliers) multipliers = &residual.multiplier_error;
-                         return errors_document(residual.errors, multipliers, at);
+                         if constexpr (requires { residual.time_error; })
+                             if (residual.times) times = &residual.time_error;
+                         return errors_document(residual.errors, multipliers, times, at);
                      }});
     table.push_back({covariance_key(), read_later<Residual>, [](const Residual& residual, const Writing& at) {
                          return covariance_document(residual.covariances, at);

@@ -119,6 +119,7 @@ std::vector<std::string> error_names(const Job& job, const EstimateJob& estimate
         add_error_names(job, "cycles", estimate.cycles->errors, estimate.cycles->covariances, names);
         if (estimate.cycles->multipliers && estimate.cycles->multiplier_error.estimate)
             names.emplace_back("cycles.ln_multiplier.scale");
+        if (estimate.cycles->times && estimate.cycles->time_error.estimate) names.emplace_back("cycles.time.scale");
     }
     if (estimate.waveform)
         add_error_names(job, "waveform", estimate.waveform->errors, estimate.waveform->covariances, names);

@@ -45,31 +45,58 @@ const FieldTable<CyclesResidualJob>& cycles_fields() {
             word_field(key("weights", {}, "Covariance of the cycles from the analysis, or one sd for all."),
                        {{true, "covariance"}, {false, "equal"}}, &Cycles::covariance),
             field(key("positions", boolean(), "The points are data."), &Cycles::positions),
-            field(key("multipliers", boolean(), "ln|multiplier| is data."), &Cycles::multipliers)};
+            field(key("multipliers", boolean(), "ln|multiplier| is data."), &Cycles::multipliers),
+            {key("times", boolean(), "Autonomous models: the time in which a cycle closes is data.")
+                 .standard_text("true"),
+             [](const ValueReader& value, const Job& job, Cycles& cycles) {
+                 cycles.times = value.boolean().value_or(cycles.times);
+                 if (cycles.times && job.model.system && !job.model.is(models::Kind::autonomous))
+                     value.report(fmt::format("the model {} is not autonomous: its cycles have no time of their own",
+                                              job.model.name));
+             },
+             [](const Cycles& cycles, const Writing& at) {
+                 return at.job.model.is(models::Kind::autonomous) ? Json(cycles.times) : left_out();
+             }}};
         add_error_fields(fields);
         return fields;
     }();
     return table;
 }
 
+/// Cycles of an autonomous model are points of a plane in its states.
+void check_crossings(ObjectReader& object, const Job& job) {
+    if (job.orbits->embedding) {
+        object.self().report(
+            "compares states, but points of the cycles are vectors of delayed readings: compare their readings by "
+            "{ \"type\": \"waveform\", \"of\": \"cycles\" }");
+    } else if (!job.section_plane && (job.orbits->file || !job.section_from_data)) {
+        object.self().report(fmt::format(
+            "the model {} is autonomous: needs a \"section\" in the job that its cycles cross: {{ \"coordinate\": ..., "
+            "\"value\": ..., \"direction\": ... }}",
+            job.model.name));
+    }
+}
+
 void prepare_cycles(ObjectReader& object, const Job& job, CyclesResidualJob& cycles) {
     if (!job.orbits) object.self().report("needs \"orbits\": { ... }, a search for cycles or a file of them");
-    if (job.model.is(models::Kind::autonomous))
-        object.self().report(fmt::format(
-            "points of cycles of the model {}, which is autonomous: {}; its cycles are compared by {{ \"type\": "
-            "\"waveform\", \"of\": \"cycles\" }}",
-            job.model.name, not_in_this_version));
+    cycles.times = job.model.is(models::Kind::autonomous);
+    if (cycles.times && job.orbits) check_crossings(object, job);
     if (job.orbits && !job.orbits->file) cycles.periods = job.orbits->search.periods;
 }
 
 void complete_cycles(ObjectReader& object, const Job& job, bool, CyclesResidualJob& cycles) {
-    if (!cycles.positions && !cycles.multipliers)
-        object.find("positions")->report("must be true without \"multipliers\": true: nothing is left to compare");
+    if (!cycles.positions && !cycles.multipliers && !cycles.times)
+        object.find("positions")
+            ->report(job.model.is(models::Kind::autonomous)
+                         ? "must be true without \"multipliers\" or \"times\": nothing is left to compare"
+                         : "must be true without \"multipliers\": true: nothing is left to compare");
     ErrorUse use;
     if (cycles.multipliers) use.multipliers = &cycles.multiplier_error;
+    if (cycles.times) use.times = &cycles.time_error;
     use.records = cycles.covariance ? ErrorUse::Records::cycles_with_covariance : ErrorUse::Records::cycles;
     for (std::size_t i = 0; i < coordinate_names(job).size(); ++i)
-        use.coordinates.push_back(static_cast<Eigen::Index>(i));
+        if (!job.section_plane || job.section_plane->coordinate != static_cast<Eigen::Index>(i))
+            use.coordinates.push_back(static_cast<Eigen::Index>(i));
     read_errors(object, use, job, cycles.errors, cycles.covariances);
 }
 

@@ -8,8 +8,8 @@
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/input_checksums.hpp"
 #include "apps/job/orbits_job.hpp"
-#include "apps/results/cycle_reader.hpp"
 #include "apps/stages/data_stage.hpp"
+#include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/recorded_series.hpp"
 #include "apps/stages/searched_section.hpp"
 #include "identification/problem/problem_residuals.hpp"
@@ -67,10 +67,7 @@ DataCheck check_data(const Job& job) {
         });
     }
     if (job.orbits && job.orbits->file) {
-        attempt([&] {
-            check.cycles =
-                read_cycles(*job.orbits->file, job.model.name, section_coordinates(job)).search.cycles.size();
-        });
+        attempt([&] { check.cycles = named_cycles(job).search.cycles.size(); });
     }
     const bool all_read =
         std::all_of(check.records.begin(), check.records.end(), [](const auto& record) { return record.has_value(); });

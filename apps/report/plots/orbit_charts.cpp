@@ -44,13 +44,24 @@ std::map<int, PeriodPoints> points_by_period(const Json& cycles) {
     return periods;
 }
 
+/// Where the coordinates of measured cycles stand among those of computed orbits, which may have that of a plane too.
+std::vector<std::size_t> shared_places(const StoredRun& run) {
+    std::vector<std::size_t> places;
+    const Json& computed = block_at(run.orbits_of_estimate(), "coordinates");
+    for (const Json& name : block_at(run.cycles, "coordinates")) {
+        const auto at = std::find(computed.begin(), computed.end(), name);
+        if (at != computed.end()) places.push_back(static_cast<std::size_t>(at - computed.begin()));
+    }
+    return places;
+}
+
 /// Sum of the squared distances between the points of two orbits of one period, point by point.
-double squared_distance(const Json& cycle, const Json& orbit) {
+double squared_distance(const Json& cycle, const Json& orbit, const std::vector<std::size_t>& places) {
     double distance = 0.0;
     for (std::size_t j = 0; j < cycle.at("points").size(); ++j) {
-        for (std::size_t i = 0; i < cycle.at("points").at(j).size(); ++i) {
+        for (std::size_t i = 0; i < places.size(); ++i) {
             const double step =
-                cycle.at("points").at(j).at(i).get<double>() - orbit.at("points").at(j).at(i).get<double>();
+                cycle.at("points").at(j).at(i).get<double>() - orbit.at("points").at(j).at(places[i]).get<double>();
             distance += step * step;
         }
     }
@@ -76,12 +87,15 @@ std::map<int, std::vector<Growth>> growths(const StoredRun& run) {
     const auto add = [&periods](const Json& cycle, const Growth& growth) {
         if (growth.size() > 0.0) periods[cycle.at("period").get<int>()].push_back(growth);
     };
+    const std::vector<std::size_t> places = shared_places(run);
     std::vector<Pairing> pairs;
+    // Vectors of delays are no states.
+    const bool comparable = measured.empty() || places.size() == run.cycles->at("coordinates").size();
     for (std::size_t o = 0; o < computed.size(); ++o) {
         if (is_left_out(computed[o])) continue;
-        for (std::size_t c = 0; c < measured.size(); ++c)
+        for (std::size_t c = 0; comparable && c < measured.size(); ++c)
             if (measured.at(c).at("period") == computed.at(o).at("period"))
-                pairs.push_back({squared_distance(measured[c], computed[o]), c, o});
+                pairs.push_back({squared_distance(measured[c], computed[o], places), c, o});
         if (measured.empty()) add(computed[o], {o, std::nan(""), std::nan(""), largest_multiplier(computed[o])});
     }
     std::vector<double> of_model(measured.size(), std::nan(""));

@@ -83,14 +83,23 @@ TEST_CASE("sections that cannot be are refused with place and rule", "[apps][job
                "/data/simulate/samples: the model henon is a map: it has no samples in time");
 }
 
-TEST_CASE("periodic orbits of autonomous flows, and estimates from their cycles, are refused", "[apps][job]") {
+TEST_CASE("what cycles of autonomous flows cannot be is refused", "[apps][job]") {
     const auto with = [](const std::string& block) {
         std::string text = lorenz_job(R"({ "coordinate": "z", "value": 27 })");
         return text.replace(text.find("\"output\""), 0, block + ", ");
     };
-    check_only(with(R"("orbits": { "periods": [1] },
-                       "estimate": { "parameters": {}, "residuals": [ { "type": "cycles" } ] })"),
-               "/estimate/residuals/0: points of cycles of the model lorenz, which is autonomous: not in this version");
+    const auto of_cycles = [&](const std::string& keys) {
+        return with(R"("orbits": { "periods": [2] },
+                       "estimate": { "parameters": {}, "residuals": [ { "type": "cycles")" +
+                    keys + " } ] }");
+    };
+    const std::string at = "/estimate/residuals/0";
+    CHECK(problems(of_cycles("")).empty());
+    CHECK(problems(of_cycles(R"(, "positions": false, "errors": { "time": { "sd": 2 } })")).empty());
+    check_only(of_cycles(R"(, "positions": false, "times": false)"), at + "/positions: must be true");
+    check_only(of_cycles(R"(, "errors": { "z": { "sd": 0.1 } })"), at + "/errors/z: \"z\" is not observed");
+    check_only(of_cycles(R"(, "times": false, "errors": { "time": { "sd": 2 } })"),
+               at + "/errors/time: needs \"times\": true");
     check_only(with(R"("orbits": { "partition": { "coordinate": "z", "boundaries": [0], "symbols": "AB" } })"),
                "/orbits/partition/coordinate: has the same value at all points of the section");
     check_only(with(R"("orbits": { "partition": { "coordinate": "x", "boundaries": [0, 0], "symbols": "ABC" } })"),
