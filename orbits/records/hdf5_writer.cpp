@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <cerrno>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <fmt/format.h>
@@ -25,8 +27,11 @@ public:
         if (status < 0) fail(object);
     }
     [[noreturn]] void fail(const std::string& object) const {
-        throw DataError(fmt::format("{}: {} cannot be written (is the disk full?)", file_, object));
+        throw DataError(fmt::format("{}: {} cannot be written: {}", file_, object, reason()));
     }
+
+    /// What the system said last: the library only says that it failed.
+    static std::string reason() { return errno != 0 ? std::generic_category().message(errno) : "the HDF5 library failed"; }
 
     void attribute(hid_t owner, const char* name, hid_t type, const Hdf5Handle& space, const void* data) const {
         const Hdf5Handle made =
@@ -122,8 +127,9 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
     const Writer write(file.string(), interrupted);
     const bool sampled = series.sampling == Series::Sampling::samples;
 
+    errno = 0;
     const hid_t created = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
-    if (created < 0) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
+    if (created < 0) throw DataError(fmt::format("{}: cannot be opened for writing: {}", file.string(), Writer::reason()));
     const Hdf5Handle out(created, H5Fclose);
 
     std::vector<std::string> names;

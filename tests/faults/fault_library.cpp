@@ -1,6 +1,7 @@
 // Preloaded into a program (LD_PRELOAD): makes the k-th call of one kind fail.
 //
-//   ORBID_FAULT          KIND:K:ERROR[:on]  ERROR is a number of errno; "on": every later call, too.
+//   ORBID_FAULT          KIND:K:ERROR[:on]  ERROR is a number of errno; "on": every later call, too. Of memory: it is
+//                        full from then on, and an allocation succeeds in what was freed since.
 //                        ERROR "kill" ends the process by SIGKILL in its place, "short" writes half of what was asked.
 //   ORBID_FAULT_PROGRAM  path of the program that is meant; programs that it starts are left alone
 //   ORBID_FAULT_LOG      file to append to: "fired KIND K", and at the end "calls KIND N"
@@ -9,6 +10,7 @@
 // processes together. Standard output and error are never touched: a terminal is no place for results.
 
 #include <dlfcn.h>
+#include <malloc.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -31,6 +33,7 @@ extern "C" void* __libc_malloc(std::size_t);
 extern "C" void* __libc_calloc(std::size_t, std::size_t);
 extern "C" void* __libc_realloc(void*, std::size_t);
 extern "C" void* __libc_memalign(std::size_t, std::size_t);
+extern "C" void __libc_free(void*);
 
 namespace {
 
@@ -40,6 +43,7 @@ constexpr int kill_now = -1, half = -2;
 
 struct Counters {
     std::atomic<long> calls;
+    std::atomic<long> freed;  ///< bytes, since memory was full
 };
 
 // Plain data alone: it is used before constructors and after destructors.
@@ -127,23 +131,40 @@ EXPORTED int __libc_start_main(Main main, int count, char** arguments, void (*in
 
 // --- memory. Through the other names of the C library: dlsym allocates.
 
+namespace {
+
+bool refused(std::size_t size) {
+    if (!fails(memory_kind)) return false;
+    const auto bytes = static_cast<long>(size);
+    if (!and_later || counters->calls.load() == wanted || counters->freed.load() < bytes) return true;
+    counters->freed -= bytes;
+    return false;
+}
+
+}  // namespace
+
 EXPORTED void* malloc(std::size_t size) {
-    return fails(memory_kind) ? nullptr : __libc_malloc(size);
+    return refused(size) ? nullptr : __libc_malloc(size);
 }
 EXPORTED void* calloc(std::size_t count, std::size_t size) {
-    return fails(memory_kind) ? nullptr : __libc_calloc(count, size);
+    return refused(count * size) ? nullptr : __libc_calloc(count, size);
+}
+EXPORTED void free(void* old) {
+    if (old != nullptr && and_later && chosen == memory_kind && armed && counters->calls.load() >= wanted)
+        counters->freed += static_cast<long>(malloc_usable_size(old));
+    __libc_free(old);
 }
 EXPORTED void* realloc(void* old, std::size_t size) {
-    return size > 0 && fails(memory_kind) ? nullptr : __libc_realloc(old, size);
+    return size > 0 && refused(size) ? nullptr : __libc_realloc(old, size);
 }
 EXPORTED void* memalign(std::size_t alignment, std::size_t size) {
-    return fails(memory_kind) ? nullptr : __libc_memalign(alignment, size);
+    return refused(size) ? nullptr : __libc_memalign(alignment, size);
 }
 EXPORTED void* aligned_alloc(std::size_t alignment, std::size_t size) {
-    return fails(memory_kind) ? nullptr : __libc_memalign(alignment, size);
+    return refused(size) ? nullptr : __libc_memalign(alignment, size);
 }
 EXPORTED int posix_memalign(void** result, std::size_t alignment, std::size_t size) {
-    if (fails(memory_kind)) return ENOMEM;
+    if (refused(size)) return ENOMEM;
     *result = __libc_memalign(alignment, size);
     return *result == nullptr ? ENOMEM : 0;
 }

@@ -36,7 +36,10 @@ def run(program, words, folder, **more):
 
 
 def begun_run(program, library, base, folder):
-    """A folder whose run was killed after its first checkpoint was stored."""
+    """A folder whose run was killed after its first checkpoint was stored; without the library nothing has begun."""
+    if library is None:
+        shutil.copytree(base, folder)
+        return
     for rename in range(1, 40):
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(base, folder)
@@ -77,6 +80,6 @@ def kinds(program, library, place):
         Kind("report", done, ["report", "series"], "series"),
         Kind("plot", done, ["plot", "cycles", "section"], "cycles"),
         Kind("predict", done, ["predict", "series", "swing.csv", *quiet], "series"),
-        Kind("compare", done, ["compare", "series", "cycles"], "series"),
+        Kind("compare", done, ["compare", "series", "series"], "series"),
         Kind("compiled", base, ["run", "compiled.json", *quiet], "compiled"),
     ]
