@@ -32,7 +32,7 @@ FAULTS = [("write", errno.ENOSPC, ""), ("write", errno.EIO, "on"), ("write", "sh
 TIMED = ("timing.json", "log.txt", "report.html", "checkpoint.bin")
 ON_THE_WAY = (*TIMED, "result.json")
 CODES = {"memory": (5,), "mmap": (3, 4, 5)}
-SQLITE_SAYS = ("disk I/O error", "unable to open database file", "locking protocol")
+SQLITE_SAYS = ("disk I/O error", "database or disk is full", "unable to open database file", "locking protocol")
 SHARED = Path("/dev/shm")
 
 
