@@ -149,6 +149,7 @@ int run_command(const std::vector<std::string>& arguments, const Console& raw) {
         return not_stored;
     } catch (const std::bad_alloc&) {
         console.error << out_of_memory_text() << '\n';
+        if (!console.error) throw;  // not even for that: the caller's turn
         return out_of_memory;
     }
 }

@@ -12,91 +12,91 @@ namespace {
 
 using Json = StoredRun::Json;
 
-enum class Kind { text, number, count, truth, object, list, interval, texts };
+enum class ResultKind { text, number, count, truth, object, list, interval, texts };
 
 /// What stands at a place: below every member or entry where the place says "*".
-struct Place {
+struct ResultPlace {
     std::string_view pointer;
-    Kind kind;
+    ResultKind kind;
     bool null = false;  ///< may be null
 };
 
-constexpr Place places[] = {
-    {"/status", Kind::text},
-    {"/message", Kind::text},
-    {"/verdict", Kind::object},
-    {"/verdict/trust", Kind::text},
-    {"/verdict/line", Kind::text},
-    {"/verdict/because", Kind::texts},
-    {"/parameters", Kind::object},
-    {"/derived", Kind::object},
-    {"/parameters/*", Kind::object},
-    {"/derived/*", Kind::object},
-    {"/parameters/*/value", Kind::number, true},
-    {"/parameters/*/sd", Kind::number, true},
-    {"/parameters/*/interval95", Kind::interval, true},
-    {"/parameters/*/interval_method", Kind::text},
-    {"/parameters/*/one_sided", Kind::text, true},
-    {"/parameters/*/start", Kind::number, true},
-    {"/parameters/*/reference", Kind::number, true},
-    {"/parameters/*/unit", Kind::text},
-    {"/parameters/*/at_bound", Kind::text, true},
-    {"/derived/*/value", Kind::number, true},
-    {"/derived/*/sd", Kind::number, true},
-    {"/derived/*/interval95", Kind::interval, true},
-    {"/derived/*/unit", Kind::text},
-    {"/errors", Kind::object},
-    {"/errors/*", Kind::object},
-    {"/errors/*/sd", Kind::number, true},
-    {"/errors/*/factor", Kind::number, true},
-    {"/errors/*/unit", Kind::text},
-    {"/errors/*/count", Kind::count},
-    {"/errors/*/estimated", Kind::truth},
-    {"/errors/*/rms", Kind::number, true},
-    {"/errors/*/distribution", Kind::text},
-    {"/errors/*/interval95", Kind::interval, true},
-    {"/covariances", Kind::list},
-    {"/covariances/*", Kind::object},
-    {"/covariances/*/groups", Kind::texts},
-    {"/covariances/*/matrix", Kind::list},
-    {"/covariances/*/uncertainty", Kind::list},
-    {"/initial_states", Kind::list},
-    {"/initial_states/*", Kind::object},
-    {"/initial_states/*/experiment", Kind::text},
-    {"/initial_states/*/segment", Kind::text},
-    {"/initial_states/*/state", Kind::object},
-    {"/initial_states/*/state/*", Kind::object},
-    {"/prediction", Kind::list},
-    {"/prediction/*", Kind::object},
-    {"/prediction/*/experiment", Kind::text},
-    {"/prediction/*/segment", Kind::text},
-    {"/prediction/*/rms", Kind::object},
-    {"/prediction/*/fitted", Kind::truth},
-    {"/identifiability", Kind::object},
-    {"/identifiability/singular_values", Kind::list},
-    {"/identifiability/sloppy_directions", Kind::list},
-    {"/identifiability/trust_normal", Kind::truth},
-    {"/residuals", Kind::list},
-    {"/residuals/*", Kind::object},
-    {"/residuals/*/type", Kind::text},
-    {"/objective", Kind::number, true},
-    {"/degrees_of_freedom", Kind::number, true},
-    {"/iterations", Kind::count},
-    {"/posterior", Kind::object, true},
-    {"/profile", Kind::object, true},
-    {"/profile/*", Kind::object},
-    {"/profile/*/known", Kind::truth},
-    {"/profile/*/points", Kind::list},
-    {"/profile/*/points/*", Kind::object},
-    {"/marginals", Kind::object, true},
-    {"/diagnostics", Kind::object, true},
-    {"/diagnostics/*", Kind::object, true},
-    {"/orbits", Kind::object},
-    {"/data", Kind::object},
-    {"/history", Kind::list},
-    {"/history/*", Kind::object},
-    {"/history/*/block", Kind::text},
-    {"/history/*/accepted", Kind::truth},
+constexpr ResultPlace result_places[] = {
+    {"/status", ResultKind::text},
+    {"/message", ResultKind::text},
+    {"/verdict", ResultKind::object},
+    {"/verdict/trust", ResultKind::text},
+    {"/verdict/line", ResultKind::text},
+    {"/verdict/because", ResultKind::texts},
+    {"/parameters", ResultKind::object},
+    {"/derived", ResultKind::object},
+    {"/parameters/*", ResultKind::object},
+    {"/derived/*", ResultKind::object},
+    {"/parameters/*/value", ResultKind::number, true},
+    {"/parameters/*/sd", ResultKind::number, true},
+    {"/parameters/*/interval95", ResultKind::interval, true},
+    {"/parameters/*/interval_method", ResultKind::text},
+    {"/parameters/*/one_sided", ResultKind::text, true},
+    {"/parameters/*/start", ResultKind::number, true},
+    {"/parameters/*/reference", ResultKind::number, true},
+    {"/parameters/*/unit", ResultKind::text},
+    {"/parameters/*/at_bound", ResultKind::text, true},
+    {"/derived/*/value", ResultKind::number, true},
+    {"/derived/*/sd", ResultKind::number, true},
+    {"/derived/*/interval95", ResultKind::interval, true},
+    {"/derived/*/unit", ResultKind::text},
+    {"/errors", ResultKind::object},
+    {"/errors/*", ResultKind::object},
+    {"/errors/*/sd", ResultKind::number, true},
+    {"/errors/*/factor", ResultKind::number, true},
+    {"/errors/*/unit", ResultKind::text},
+    {"/errors/*/count", ResultKind::count},
+    {"/errors/*/estimated", ResultKind::truth},
+    {"/errors/*/rms", ResultKind::number, true},
+    {"/errors/*/distribution", ResultKind::text},
+    {"/errors/*/interval95", ResultKind::interval, true},
+    {"/covariances", ResultKind::list},
+    {"/covariances/*", ResultKind::object},
+    {"/covariances/*/groups", ResultKind::texts},
+    {"/covariances/*/matrix", ResultKind::list},
+    {"/covariances/*/uncertainty", ResultKind::list},
+    {"/initial_states", ResultKind::list},
+    {"/initial_states/*", ResultKind::object},
+    {"/initial_states/*/experiment", ResultKind::text},
+    {"/initial_states/*/segment", ResultKind::text},
+    {"/initial_states/*/state", ResultKind::object},
+    {"/initial_states/*/state/*", ResultKind::object},
+    {"/prediction", ResultKind::list},
+    {"/prediction/*", ResultKind::object},
+    {"/prediction/*/experiment", ResultKind::text},
+    {"/prediction/*/segment", ResultKind::text},
+    {"/prediction/*/rms", ResultKind::object},
+    {"/prediction/*/fitted", ResultKind::truth},
+    {"/identifiability", ResultKind::object},
+    {"/identifiability/singular_values", ResultKind::list},
+    {"/identifiability/sloppy_directions", ResultKind::list},
+    {"/identifiability/trust_normal", ResultKind::truth},
+    {"/residuals", ResultKind::list},
+    {"/residuals/*", ResultKind::object},
+    {"/residuals/*/type", ResultKind::text},
+    {"/objective", ResultKind::number, true},
+    {"/degrees_of_freedom", ResultKind::number, true},
+    {"/iterations", ResultKind::count},
+    {"/posterior", ResultKind::object, true},
+    {"/profile", ResultKind::object, true},
+    {"/profile/*", ResultKind::object},
+    {"/profile/*/known", ResultKind::truth},
+    {"/profile/*/points", ResultKind::list},
+    {"/profile/*/points/*", ResultKind::object},
+    {"/marginals", ResultKind::object, true},
+    {"/diagnostics", ResultKind::object, true},
+    {"/diagnostics/*", ResultKind::object, true},
+    {"/orbits", ResultKind::object},
+    {"/data", ResultKind::object},
+    {"/history", ResultKind::list},
+    {"/history/*", ResultKind::object},
+    {"/history/*/block", ResultKind::text},
+    {"/history/*/accepted", ResultKind::truth},
 };
 
 bool is_interval(const Json& json) {
@@ -114,23 +114,23 @@ bool are_texts(const Json& json) {
 }
 
 /// What a value of that kind must be; empty: it is.
-std::string_view rule_broken(Kind kind, const Json& json) {
+std::string_view rule_broken(ResultKind kind, const Json& json) {
     switch (kind) {
-        case Kind::text:
+        case ResultKind::text:
             return json.is_string() ? "" : "must be a text";
-        case Kind::number:
+        case ResultKind::number:
             return json.is_number() ? "" : "must be a number";
-        case Kind::count:
+        case ResultKind::count:
             return json.is_number_unsigned() ? "" : "must be a whole number from 0 on";
-        case Kind::truth:
+        case ResultKind::truth:
             return json.is_boolean() ? "" : "must be true or false";
-        case Kind::object:
+        case ResultKind::object:
             return json.is_object() ? "" : "must be an object";
-        case Kind::list:
+        case ResultKind::list:
             return json.is_array() ? "" : "must be a list";
-        case Kind::interval:
+        case ResultKind::interval:
             return is_interval(json) ? "" : "must be a list of two numbers";
-        case Kind::texts:
+        case ResultKind::texts:
             return are_texts(json) ? "" : "must be a list of texts";
     }
     return "";
@@ -146,7 +146,7 @@ public:
     }
 
     /// @param rest  what of the place is below `json`: "/*/unit"
-    void check(const Json& json, std::string_view rest, const std::string& pointer, const Place& place) const {
+    void check(const Json& json, std::string_view rest, const std::string& pointer, const ResultPlace& place) const {
         if (rest.empty()) {
             if (place.null && json.is_null()) return;
             if (const auto rule = rule_broken(place.kind, json); !rule.empty()) refuse(pointer, rule);
@@ -193,7 +193,7 @@ void check_result(const std::filesystem::path& file, const StoredRun::Json& json
     const CheckedResult result(file);
     for (const char* needed : {"status", "parameters"})
         if (!json.contains(needed)) result.refuse("/", fmt::format("\"{}\" is missing", needed));
-    for (const Place& place : places)
+    for (const ResultPlace& place : result_places)
         result.check(json, place.pointer, "", place);
     for (const char* key : {"correlation", "covariance"})
         result.check_matrix(json, key);

@@ -112,6 +112,10 @@ public:
         if (id_ >= 0) close_(id_);
     }
 
+    /// Closes it now. Small data are written only then.
+    /// @return false when that failed
+    [[nodiscard]] bool closed() { return id_ < 0 || close_(std::exchange(id_, -1)) >= 0; }
+
     [[nodiscard]] hid_t id() const { return id_; }
     [[nodiscard]] bool valid() const { return id_ >= 0; }
 

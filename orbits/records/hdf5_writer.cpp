@@ -26,6 +26,10 @@ public:
     void check(herr_t status, const std::string& object) const {
         if (status < 0) fail(object);
     }
+    /// Closes an object: what was not on its way to the disk fails now.
+    void close(Hdf5Handle& made, const std::string& object) const {
+        if (!made.closed()) fail(object);
+    }
     [[noreturn]] void fail(const std::string& object) const {
         throw DataError(fmt::format("{}: {} cannot be written: {}", file_, object, reason()));
     }
@@ -34,9 +38,9 @@ public:
     static std::string reason() { return errno != 0 ? std::generic_category().message(errno) : "the HDF5 library failed"; }
 
     void attribute(hid_t owner, const char* name, hid_t type, const Hdf5Handle& space, const void* data) const {
-        const Hdf5Handle made =
-            checked(H5Acreate2(owner, name, type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
+        Hdf5Handle made = checked(H5Acreate2(owner, name, type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
         check(H5Awrite(made.id(), type, data), name);
+        close(made, name);
     }
 
     /// Strings of one fixed length, padded with zeros: those of variable length live in a heap whose layout is HDF5's
@@ -77,10 +81,11 @@ public:
     void text_dataset(hid_t group, const char* name, const std::string& text) const {
         const Hdf5Handle properties = untimed(H5P_DATASET_CREATE, name);
         const Hdf5Handle type = text_type(text.size(), name);
-        const Hdf5Handle made =
+        Hdf5Handle made =
             checked(H5Dcreate2(group, name, type.id(), single(name).id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
                     H5Dclose, name);
         check(H5Dwrite(made.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), name);
+        close(made, name);
     }
 
 private:
@@ -130,7 +135,7 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
     errno = 0;
     const hid_t created = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
     if (created < 0) throw DataError(fmt::format("{}: cannot be opened for writing: {}", file.string(), Writer::reason()));
-    const Hdf5Handle out(created, H5Fclose);
+    Hdf5Handle out(created, H5Fclose);
 
     std::vector<std::string> names;
     std::vector<std::string> units;
@@ -140,7 +145,7 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
         units.push_back(coordinate.unit);
         angles.push_back(coordinate.angle ? 1 : 0);
     }
-    const Hdf5Handle root = write.checked(H5Gopen2(out.id(), "/", H5P_DEFAULT), H5Gclose, "/");
+    Hdf5Handle root = write.checked(H5Gopen2(out.id(), "/", H5P_DEFAULT), H5Gclose, "/");
     write.strings(root.id(), "format", {"orbid-series/1"}, true);
     write.strings(root.id(), "sampling", {sampled ? "samples" : "section"}, true);
     write.attribute(root.id(), "phase", H5T_NATIVE_DOUBLE, write.single("phase"), &series.phase);
@@ -150,20 +155,27 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
 
     if (!series.origin.empty()) write.text_dataset(out.id(), "origin", series.origin);
 
-    const Hdf5Handle segments = write.group(out.id(), "segments");
+    Hdf5Handle segments = write.group(out.id(), "segments");
     const bool timed = series.timed();
-    const Hdf5Handle times = timed ? write.group(out.id(), "times") : Hdf5Handle();
+    Hdf5Handle times = timed ? write.group(out.id(), "times") : Hdf5Handle();
     for (std::size_t s = 0; s < series.segments.size(); ++s) {
         const Segment& segment = series.segments[s];
         const std::string name = fmt::format("{:06}", s);
         const auto points = static_cast<hsize_t>(segment.values.cols());
         // Column-major (n, points) is row-major (points, n): one row per point, without copying.
-        const Hdf5Handle values = write.dataset(
+        Hdf5Handle values = write.dataset(
             segments.id(), name, {points, static_cast<hsize_t>(segment.values.rows())}, segment.values.data());
         write.strings(values.id(), "label", {segment.label}, true);
-        if (timed) write.dataset(times.id(), name, {points}, segment.times.data());
+        write.close(values, name);
+        if (!timed) continue;
+        Hdf5Handle at = write.dataset(times.id(), name, {points}, segment.times.data());
+        write.close(at, "times/" + name);
     }
+    write.close(times, "times");
+    write.close(segments, "segments");
+    write.close(root, "/");
     write.check(H5Fflush(out.id(), H5F_SCOPE_GLOBAL), "the file");
+    write.close(out, "the file");
 }
 
 }  // namespace orbid::orbits

@@ -14,6 +14,7 @@ import errno
 import json
 import os
 import random
+import re
 import shutil
 import sys
 import tempfile
@@ -33,6 +34,9 @@ TIMED = ("timing.json", "log.txt", "report.html", "checkpoint.bin")
 ON_THE_WAY = (*TIMED, "result.json")
 CODES = {"memory": (5,), "mmap": (3, 4, 5)}
 SQLITE_SAYS = ("disk I/O error", "database or disk is full", "unable to open database file", "locking protocol")
+FILE = re.compile(r"/|\.\w")  # something that looks like the name of a file
+# Memory ran out where nothing could be unwound: as after a kill, the next run removes what is left.
+ENDED_AT_ONCE = "what was stored before is whole"
 SHARED = Path("/dev/shm")
 
 
@@ -130,7 +134,7 @@ class Trials:
         reason = os.strerror(error) if isinstance(error, int) else os.strerror(errno.ENOSPC)
         if what == "memory" and "memory" not in said:
             yield f"nothing about memory: {said!r}"
-        elif what != "memory" and (not any(text in said for text in (reason, *SQLITE_SAYS)) or "/" not in said):
+        elif what != "memory" and (not any(text in said for text in (reason, *SQLITE_SAYS)) or not FILE.search(said)):
             yield f"no reason or no file: {said!r}"
 
     def complaints(self, fault, number):
@@ -144,7 +148,7 @@ class Trials:
             said.append(f"exit code {end.returncode} of a killed run")
         if not killed:
             said += self.message(end, fault, folder)
-        said += self.left(folder, killed)
+        said += self.left(folder, killed or ENDED_AT_ONCE in end.stderr)
         said += self.next_run(folder, memory=what == "memory")
         shutil.rmtree(folder.parent)
         return fired, said

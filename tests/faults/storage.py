@@ -90,7 +90,7 @@ def read_only_folder(place, kind, wanted):
     shutil.copytree(kind.before, work)
     out = work / kind.out
     out.mkdir()
-    for path in [place, *place.rglob("*")]:
+    for path in [place.parent, place, *place.rglob("*")]:
         path.chmod(path.stat().st_mode | 0o055 if path.is_dir() else 0o644)
     out.chmod(0o555)
     root = os.geteuid() == 0
