@@ -177,7 +177,8 @@ public:
             refuse(pointer + "/matrix", "must have a row for each name");
         for (std::size_t i = 0; i < matrix.size(); ++i) {
             const std::string row = fmt::format("{}/matrix/{}", pointer, i);
-            if (!matrix[i].is_array() || matrix[i].size() != names.size()) refuse(row, "must have a number for each name");
+            if (!matrix[i].is_array() || matrix[i].size() != names.size())
+                refuse(row, "must have a number for each name");
             for (const Json& number : matrix[i])
                 if (!number.is_number() && !number.is_null()) refuse(row, "must hold numbers");
         }

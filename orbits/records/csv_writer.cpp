@@ -101,7 +101,8 @@ std::string read_origin(const std::filesystem::path& file) {
     if (file.extension() != ".csv") return read_hdf5(file).origin;
     constexpr std::string_view mark = "# origin: ";  // as write_csv puts it, on the first line
     std::ifstream in(file, std::ios::binary);
-    if (!in) throw DataError(fmt::format("{}: cannot be opened: {}", file.string(), std::generic_category().message(errno)));
+    if (!in)
+        throw DataError(fmt::format("{}: cannot be opened: {}", file.string(), std::generic_category().message(errno)));
     std::string line;
     std::getline(in, line);
     return line.starts_with(mark) ? line.substr(mark.size()) : std::string();

@@ -7,8 +7,8 @@
 namespace orbid::orbits {
 namespace {
 
-/// The library for us alone. It does not clean up when the process ends: all files are closed by then, and after a close
-/// that failed, on a full disk, it would crash.
+/// The library for us alone. It does not clean up when the process ends: all files are closed by then, and after a
+/// close that failed, on a full disk, it would crash.
 void* own_library() {
     void* const handle = ::dlopen(ORBID_HDF5_LIBRARY, RTLD_NOW | RTLD_LOCAL);
     if (handle == nullptr) return nullptr;

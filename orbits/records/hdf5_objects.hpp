@@ -245,8 +245,7 @@ inline Hdf5Handle opened_file(const Hdf5Reader& read, const std::filesystem::pat
     if (H5Fis_hdf5(file.c_str()) <= 0) read.fail("is not an HDF5 file, or cannot be read", "");
     errno = 0;
     Hdf5Handle opened(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-    if (!opened.valid())
-        read.fail("cannot be opened as an HDF5 file", "; it is damaged or open elsewhere for writing");
+    if (!opened.valid()) read.fail("cannot be opened as an HDF5 file", "; it is damaged or open elsewhere for writing");
     return opened;
 }
 

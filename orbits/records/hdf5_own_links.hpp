@@ -40,7 +40,8 @@ private:
     Hdf5Handle links_, groups_, datasets_;
 };
 
-/// Whether the numbers of a dataset are in the file that holds it: not in raw files beside it, nor collected from others.
+/// Whether the numbers of a dataset are in the file that holds it: not in raw files beside it, nor collected from
+/// others.
 [[nodiscard]] inline bool is_stored_inside(const Hdf5Handle& dataset) {
     const Hdf5Handle properties(H5Dget_create_plist(dataset.id()), H5Pclose);
     return properties.valid() && H5Pget_layout(properties.id()) != H5D_VIRTUAL &&

@@ -27,7 +27,7 @@ public:
         if (status < 0) fail(object);
     }
     /// Closes an object: what was not on its way to the disk fails now.
-    void close(Hdf5Handle& made, const std::string& object) const {
+    void finish(Hdf5Handle& made, const std::string& object) const {
         if (!made.closed()) fail(object);
     }
     [[noreturn]] void fail(const std::string& object) const {
@@ -35,12 +35,14 @@ public:
     }
 
     /// What the system said last: the library only says that it failed.
-    static std::string reason() { return errno != 0 ? std::generic_category().message(errno) : "the HDF5 library failed"; }
+    static std::string reason() {
+        return errno != 0 ? std::generic_category().message(errno) : "the HDF5 library failed";
+    }
 
     void attribute(hid_t owner, const char* name, hid_t type, const Hdf5Handle& space, const void* data) const {
         Hdf5Handle made = checked(H5Acreate2(owner, name, type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
         check(H5Awrite(made.id(), type, data), name);
-        close(made, name);
+        finish(made, name);
     }
 
     /// Strings of one fixed length, padded with zeros: those of variable length live in a heap whose layout is HDF5's
@@ -85,7 +87,7 @@ public:
             checked(H5Dcreate2(group, name, type.id(), single(name).id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
                     H5Dclose, name);
         check(H5Dwrite(made.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), name);
-        close(made, name);
+        finish(made, name);
     }
 
 private:
@@ -134,7 +136,8 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
 
     errno = 0;
     const hid_t created = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
-    if (created < 0) throw DataError(fmt::format("{}: cannot be opened for writing: {}", file.string(), Writer::reason()));
+    if (created < 0)
+        throw DataError(fmt::format("{}: cannot be opened for writing: {}", file.string(), Writer::reason()));
     Hdf5Handle out(created, H5Fclose);
 
     std::vector<std::string> names;
@@ -163,19 +166,19 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
         const std::string name = fmt::format("{:06}", s);
         const auto points = static_cast<hsize_t>(segment.values.cols());
         // Column-major (n, points) is row-major (points, n): one row per point, without copying.
-        Hdf5Handle values = write.dataset(
-            segments.id(), name, {points, static_cast<hsize_t>(segment.values.rows())}, segment.values.data());
+        Hdf5Handle values = write.dataset(segments.id(), name, {points, static_cast<hsize_t>(segment.values.rows())},
+                                          segment.values.data());
         write.strings(values.id(), "label", {segment.label}, true);
-        write.close(values, name);
+        write.finish(values, name);
         if (!timed) continue;
         Hdf5Handle at = write.dataset(times.id(), name, {points}, segment.times.data());
-        write.close(at, "times/" + name);
+        write.finish(at, "times/" + name);
     }
-    write.close(times, "times");
-    write.close(segments, "segments");
-    write.close(root, "/");
+    write.finish(times, "times");
+    write.finish(segments, "segments");
+    write.finish(root, "/");
     write.check(H5Fflush(out.id(), H5F_SCOPE_GLOBAL), "the file");
-    write.close(out, "the file");
+    write.finish(out, "the file");
 }
 
 }  // namespace orbid::orbits

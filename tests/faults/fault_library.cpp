@@ -8,14 +8,14 @@
 //
 // Allocations of the HDF5 library itself are left out: it crashes where it does not look at their result (1.10.8).
 //
-// Kinds: write, sync, rename, open, mmap, memory, read, close. Calls are counted from main on, in all threads and forked
-// processes together. Standard output and error are never touched: a terminal is no place for results.
+// Kinds: write, sync, rename, open, mmap, memory, read, close. Calls are counted from main on, in all threads and
+// forked processes together. Standard output and error are never touched: a terminal is no place for results.
 
 #include <dlfcn.h>
 #include <execinfo.h>
-#include <malloc.h>
 #include <fcntl.h>
 #include <link.h>
+#include <malloc.h>
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/syscall.h>
@@ -103,7 +103,9 @@ void read_order() {
     if (std::sscanf(order, "%19[^:]:%ld:%19[^:]:%3s", kind, &wanted, error, on) < 3) return;
     for (int i = 0; i < kinds; ++i)
         if (std::strcmp(kind, names[i]) == 0) chosen = static_cast<Kind>(i);
-    with_error = std::strcmp(error, "kill") == 0 ? kill_now : std::strcmp(error, "short") == 0 ? half : std::atoi(error);
+    with_error = std::strcmp(error, "kill") == 0    ? kill_now
+                 : std::strcmp(error, "short") == 0 ? half
+                                                    : std::atoi(error);
     and_later = std::strcmp(on, "on") == 0;
     void* shared = reinterpret_cast<void*>(
         syscall(SYS_mmap, nullptr, sizeof(Counters), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
@@ -133,8 +135,7 @@ EXPORTED int __libc_start_main(Main main, int count, char** arguments, void (*in
 }
 
 // The pointer to the next function is found once, at the first call.
-#define NEXT(name) \
-    static const auto real = next<decltype(&name)>(#name)
+#define NEXT(name) static const auto real = next<decltype(&name)>(#name)
 
 // --- memory. Through the other names of the C library: dlsym allocates.
 
@@ -226,7 +227,8 @@ EXPORTED void* mmap64(void* address, std::size_t length, int protection, int fla
 
 EXPORTED ssize_t write(int file, const void* data, std::size_t size) {
     NEXT(write);
-    if (file > STDERR_FILENO && fails(write_kind)) return with_error == half && size > 1 ? real(file, data, size / 2) : -1;
+    if (file > STDERR_FILENO && fails(write_kind))
+        return with_error == half && size > 1 ? real(file, data, size / 2) : -1;
     return real(file, data, size);
 }
 EXPORTED ssize_t pwrite64(int file, const void* data, std::size_t size, off64_t at) {
@@ -274,15 +276,15 @@ EXPORTED int link(const char* from, const char* to) noexcept {
 
 // --- opening
 
-#define OPENED(name, ...)                                               \
-    NEXT(name);                                                         \
-    mode_t mode = 0;                                                    \
-    if ((flags & O_CREAT) != 0 || (flags & O_TMPFILE) == O_TMPFILE) {   \
-        va_list rest;                                                   \
-        va_start(rest, flags);                                          \
-        mode = va_arg(rest, mode_t);                                    \
-        va_end(rest);                                                   \
-    }                                                                   \
+#define OPENED(name, ...)                                             \
+    NEXT(name);                                                       \
+    mode_t mode = 0;                                                  \
+    if ((flags & O_CREAT) != 0 || (flags & O_TMPFILE) == O_TMPFILE) { \
+        va_list rest;                                                 \
+        va_start(rest, flags);                                        \
+        mode = va_arg(rest, mode_t);                                  \
+        va_end(rest);                                                 \
+    }                                                                 \
     return fails(open_kind) ? -1 : real(__VA_ARGS__, flags, mode)
 
 EXPORTED int open(const char* path, int flags, ...) {

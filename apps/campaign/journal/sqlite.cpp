@@ -57,8 +57,7 @@ void throw_sqlite_error(sqlite3* database, int status, const std::filesystem::pa
                 throw JournalDamaged(fmt::format("{} is not a whole journal: {}", name, said));
             break;
         case SQLITE_FULL:
-            throw JournalError(
-                fmt::format(
+            throw JournalError(fmt::format(
                 "no space left for {} ({}): what was stored before is whole; make room, then go on", name, reason));
         case SQLITE_IOERR:
             throw JournalError(
