@@ -110,7 +110,9 @@ class Trials:
             if base.startswith(".orbid-"):
                 if not killed and name not in self.before:
                     yield f"{name} is left"
-            elif data not in (self.before.get(name), self.after.get(name)) and not (base in ON_THE_WAY and is_whole(name, data)):
+                continue
+            known = (self.before.get(name), self.after.get(name))
+            if data not in known and not (base in ON_THE_WAY and is_whole(name, data)):
                 yield f"{name} is neither the old file nor the new one ({len(data)} bytes)"
 
     def message(self, end, fault, folder):
@@ -182,6 +184,38 @@ def numbers(calls, most):
     return [*range(1, most + 1), *(most + round((calls - most) * i / most) for i in range(1, most + 1))]
 
 
+def chosen_faults(trials, given, draw):
+    """Which calls of a kind of run are to fail, and how many calls there are."""
+    wanted, counted = [], {}
+    for fault in FAULTS:
+        what, error, lasting = fault
+        if given.faults and not any(fault_name(fault).startswith(each) for each in given.faults):
+            continue
+        if what not in counted:
+            counted[what] = trials.calls(what)
+        most = given.most // 4 if what == "memory" and (lasting or error == "kill") else given.most
+        chosen = numbers(counted[what], most)
+        if given.fast:
+            chosen = draw.sample(chosen, min(1, len(chosen)))
+        wanted += [(fault, number) for number in chosen]
+    return wanted, counted
+
+
+def findings_of(trials, given, draw):
+    """(faults that took place, findings) of a kind of run; tells the first ten of each kind of fault."""
+    name = trials.kind.name
+    wanted, counted = chosen_faults(trials, given, draw)
+    with ThreadPoolExecutor(given.jobs) as pool:
+        results = list(pool.map(lambda one: trials.complaints(*one), wanted))
+    seen = collections.Counter()
+    for (fault, number), (_, said) in zip(wanted, results):
+        seen[fault_name(fault)] += bool(said)
+        if said and seen[fault_name(fault)] <= 10:
+            print(f"{name}, {fault_name(fault)}, call {number}: {'; '.join(said)}", flush=True)
+    print(f"{name}: {len(wanted)} faults, {seen.total()} findings; calls {counted}", flush=True)
+    return sum(happened for happened, _ in results), seen.total()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("program")
@@ -195,36 +229,15 @@ def main():
     given = parser.parse_args()
     program, library = str(Path(given.program).resolve()), str(Path(given.library).resolve())
     draw = random.Random(given.seed)
-    failed = fired = 0
+    fired = failed = 0
     with tempfile.TemporaryDirectory(dir=SHARED if SHARED.is_dir() else None) as temporary:
         place = Path(temporary)
         for kind in kinds(program, library, place):
             if kind.name not in (given.kinds or [kind.name]) or (given.fast and kind.name == "compiled"):
                 continue
-            trials = Trials(program, library, kind, place / "trials")
-            wanted, counted = [], {}
-            for fault in FAULTS:
-                name = fault_name(fault)
-                if given.faults and not any(name.startswith(each) for each in given.faults):
-                    continue
-                if fault[0] not in counted:
-                    counted[fault[0]] = trials.calls(fault[0])
-                chosen = numbers(counted[fault[0]], given.most if fault[0] != "memory" or not fault[2] and
-                                 fault[1] != "kill" else given.most // 4)
-                if given.fast:
-                    chosen = draw.sample(chosen, min(1, len(chosen)))
-                wanted += [(fault, number) for number in chosen]
-            with ThreadPoolExecutor(given.jobs) as pool:
-                results = list(pool.map(lambda one: trials.complaints(*one), wanted))
-            seen = collections.Counter()
-            for (fault, number), (happened, said) in zip(wanted, results):
-                fired += happened
-                if said:
-                    failed += 1
-                    seen[fault_name(fault)] += 1
-                    if seen[fault_name(fault)] <= 10:
-                        print(f"{kind.name}, {fault_name(fault)}, call {number}: {'; '.join(said)}", flush=True)
-            print(f"{kind.name}: {len(wanted)} faults, {sum(seen.values())} findings; calls {counted}", flush=True)
+            happened, found = findings_of(Trials(program, library, kind, place / "trials"), given, draw)
+            fired += happened
+            failed += found
     print(f"{fired} faults, {failed} findings")
     return 1 if failed or fired == 0 else 0
 

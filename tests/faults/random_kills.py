@@ -3,9 +3,9 @@
 
     random_kills.py PROGRAM [--count N] [--seed N] [--kinds NAME ...]
 
-Runs, campaigns, `predict`, `compare`, `plot`, `report`, and runs that compile their equations into the cache. Every other
-trial kills twice. Afterwards the same command must end with the bytes of one that nobody disturbed, and leave nothing
-else behind.
+Runs, campaigns, `predict`, `compare`, `plot`, `report`, and runs that compile their equations into the cache. Every
+other trial kills twice. Afterwards the same command must end with the bytes of one that nobody disturbed, and leave
+nothing else behind.
 """
 
 import argparse
