@@ -63,7 +63,7 @@ Journal::~Journal() = default;
 bool Journal::is_begun(const std::filesystem::path& file) {
     if (!std::filesystem::exists(file)) return false;
     try {
-        SqliteFile opened(file, SqliteFile::Mode::read);
+        SqliteFile opened(file, SqliteFile::Mode::write);  // for reading, what a killed one left is an error
         return !is_empty(opened);
     } catch (const JournalError&) {
         return true;  // who opens it is told what is wrong with it
