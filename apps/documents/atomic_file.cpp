@@ -15,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include "models/definition/wrong_data.hpp"
 #include "models/system/stopped.hpp"
 
 namespace orbid::apps {
@@ -23,8 +24,7 @@ namespace {
 constexpr std::string_view temporary_prefix = ".orbid-tmp-";
 
 [[noreturn]] void fail(std::string_view what, const std::filesystem::path& path, int error) {
-    throw std::runtime_error(
-        fmt::format("cannot {} {}: {}", what, path.string(), std::generic_category().message(error)));
+    throw FileNotWritten(fmt::format("cannot {} {}: {}", what, path.string(), std::generic_category().message(error)));
 }
 
 /// An open file that is closed whatever happens.
@@ -97,6 +97,19 @@ void write_all(int descriptor, std::string_view bytes, const std::filesystem::pa
     }
 }
 
+/// Lets a writer write a temporary. What it says is wrong is said of the file that this stands for.
+void write_there(const std::function<void(const std::filesystem::path& temporary)>& writer,
+                 const std::filesystem::path& temporary, const std::filesystem::path& path) {
+    try {
+        writer(temporary);
+    } catch (const models::DataError& error) {
+        std::string said = error.what();
+        const std::string name = temporary.string();
+        if (const auto at = said.find(name); at != std::string::npos) said.replace(at, name.size(), path.string());
+        throw FileNotWritten(said);
+    }
+}
+
 /// Sends a large file to the disk piece by piece and asks in between. Nothing is promised: fsync follows.
 void sync_in_blocks(int descriptor, const std::function<bool()>& interrupted) {
     constexpr off_t block = 1 << 24;
@@ -129,7 +142,7 @@ void write_atomically(const std::filesystem::path& path,
         const Descriptor made(::open(temporary.path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
         if (made.value() < 0) fail("write", path, errno);
     }
-    writer(temporary.path());
+    write_there(writer, temporary.path(), path);
     {
         const Descriptor file(::open(temporary.path().c_str(), O_RDONLY | O_CLOEXEC));
         if (file.value() >= 0) sync_in_blocks(file.value(), interrupted);
@@ -150,17 +163,18 @@ bool is_orphaned(std::string_view name) {
 
 }  // namespace
 
-void remove_leftover_temporaries(const std::filesystem::path& folder) {
+void remove_leftover_temporaries(const std::filesystem::path& folder, std::string_view file) {
     std::error_code error;
+    const std::string ending = file.empty() ? std::string() : fmt::format(".{}", file);
     const auto now = std::filesystem::file_time_type::clock::now();
     std::filesystem::directory_iterator entry(folder, error);
     for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
         std::error_code ignored;
         const auto touched = entry->last_write_time(ignored);
         const std::string name = entry->path().filename().string();
-        if (ignored || !name.starts_with(temporary_prefix)) continue;
+        if (ignored || !name.starts_with(temporary_prefix) || !name.ends_with(ending)) continue;
         if (is_orphaned(name) || now - touched > std::chrono::hours(24))
-            std::filesystem::remove(entry->path(), ignored);
+            std::filesystem::remove_all(entry->path(), ignored);
     }
 }
 

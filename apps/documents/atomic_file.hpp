@@ -9,26 +9,33 @@
 
 namespace orbid::apps {
 
+/// A file cannot be written; what() names path and reason.
+class FileNotWritten : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
 /// Writes a file whole or not at all: temporary in the same folder, write, fsync, rename, fsync of the folder.
 ///
 /// A reader sees the old file or the new one, never a part, even after a power cut. On failure the temporary is removed
 /// and an existing file is unchanged.
-/// @throws std::runtime_error naming path and reason.
+/// @throws FileNotWritten
 void write_atomically(const std::filesystem::path& path, std::string_view bytes);
 
 /// The same for writers that need a path (HDF5): `writer` creates the file it is given and closes it. The temporary
 /// ends in the final file name, so that its extension still gives the format.
 ///
-/// Exceptions of `writer` pass on after the temporary is removed.
+/// Exceptions of `writer` pass on after the temporary is removed. A DataError of its names the file, not the temporary.
 /// @param interrupted  asked while the file goes to the disk: the file is given up if it says so
-/// @throws std::runtime_error naming path and reason when the file cannot be synced or renamed; models::Stopped.
+/// @throws FileNotWritten; models::Stopped.
 void write_atomically(const std::filesystem::path& path,
                       const std::function<void(const std::filesystem::path& temporary)>& writer,
                       const std::function<bool()>& interrupted = {});
 
-/// Removes temporaries that a killed program left in a folder: those of ended processes, and any untouched for more
-/// than a day (another process may have that number by then). A folder that cannot be read is ignored.
-void remove_leftover_temporaries(const std::filesystem::path& folder);
+/// Removes temporaries that a killed program left in a folder, and folders of such names: those of ended processes, and
+/// any untouched for more than a day (another process may have that number by then). A folder that cannot be read is
+/// ignored.
+/// @param file  only those of this file, by its name; empty: of all
+void remove_leftover_temporaries(const std::filesystem::path& folder, std::string_view file = {});
 
 /// A file cannot be read; what() names path and reason.
 class FileUnreadable : public std::runtime_error {

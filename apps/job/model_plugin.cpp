@@ -118,6 +118,7 @@ fs::path prepared_cache() {
     if (lstat(cache->c_str(), &status) != 0 || !S_ISDIR(status.st_mode) || status.st_uid != geteuid() ||
         (status.st_mode & (S_IWGRP | S_IWOTH)) != 0)
         throw NoPlugin(fmt::format("the cache {} is not a folder that only you can write to", cache->string()));
+    remove_leftover_temporaries(*cache);
     return *cache;
 }
 
@@ -172,7 +173,8 @@ bool is_whole(const fs::path& file) {
 class TemporaryFolder {
 public:
     explicit TemporaryFolder(const fs::path& cache) {
-        std::string name = (cache / "tmp.XXXXXX").string();
+        // Named as the temporaries of files are: what a killed program left is removed like them.
+        std::string name = (cache / fmt::format(".orbid-tmp-{}-XXXXXX", ::getpid())).string();
         if (mkdtemp(name.data()) == nullptr)
             throw NoPlugin(fmt::format("the cache {} cannot be written: {}", cache.string(),
                                        std::generic_category().message(errno)));
@@ -201,7 +203,7 @@ void compile(const Recipe& recipe) {
     const TemporaryFolder folder(recipe.file.parent_path());
     const fs::path source = folder.path() / "model.cpp", code = folder.path() / "model.so",
                    printed = folder.path() / "printed";
-    std::ofstream(source, std::ios::binary) << recipe.source;
+    write_atomically(source, recipe.source);
     std::vector<std::string> arguments = recipe.flags;
     arguments.insert(arguments.end(), {"-o", code.string(), source.string()});
     const ProgramEnd end = run_program(recipe.compiler.path, arguments, printed, folder.path(), longest_compilation_s);

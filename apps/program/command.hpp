@@ -16,6 +16,7 @@ inline constexpr int no_valid_answer = 1;
 inline constexpr int wrong_call = 2;
 inline constexpr int unusable_data = 3;
 inline constexpr int not_stored = 4;
+inline constexpr int out_of_memory = 5;
 inline constexpr int ended_by_signal = 130;
 
 /// An invalid command line; the message gives the reason and the word. Exit code 2.

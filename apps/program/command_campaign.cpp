@@ -1,5 +1,6 @@
 #include "apps/program/command_campaign.hpp"
 
+#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -7,6 +8,7 @@
 #include <optional>
 #include <ostream>
 #include <stdexcept>
+#include <system_error>
 #include <vector>
 
 #include <fmt/format.h>
@@ -140,10 +142,19 @@ int write_tables(const CommandCall& call, const std::filesystem::path& folder, e
         write_campaign_table(journal, call.console.out, options);
         return success;
     }
-    write_atomically(call.value("out", ""), [&](const std::filesystem::path& temporary) {
+    const std::string out = call.value("out", "");
+    write_atomically(out, [&](const std::filesystem::path& temporary) {
         std::ofstream file(temporary, std::ios::binary);
-        write_campaign_table(journal, file, options);
-        if (!file.flush()) throw std::runtime_error("cannot write " + temporary.string());
+        bool written = static_cast<bool>(file);
+        try {
+            if (written) write_campaign_table(journal, file, options);
+            written = written && file.flush();
+        } catch (const std::runtime_error&) {
+            if (file) throw;  // the journal's
+            written = false;
+        }
+        if (!written)
+            throw FileNotWritten(fmt::format("cannot write {}: {}", out, std::generic_category().message(errno)));
     });
     return success;
 }

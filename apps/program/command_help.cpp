@@ -90,7 +90,8 @@ const std::vector<ExitCode>& exit_codes() {
          "less than three quarters of the records used"},
         {2, "wrong command line or job"},
         {3, "data cannot be read or used"},
-        {4, "internal error"},
+        {4, "results cannot be stored, or an internal error"},
+        {5, "out of memory"},
         {130, "interrupted; what there was by then is stored"}};
     return all;
 }

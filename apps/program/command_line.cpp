@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
+#include <new>
 #include <ostream>
 
 #include <fmt/format.h>
@@ -10,6 +11,7 @@
 
 #include "apps/documents/atomic_file.hpp"
 #include "apps/documents/json_reader.hpp"
+#include "apps/documents/memory_limit.hpp"
 #include "apps/documents/printable.hpp"
 #include "apps/job/version.hpp"
 #include "apps/program/colour.hpp"
@@ -142,6 +144,13 @@ int run_command(const std::vector<std::string>& arguments, const Console& raw) {
     } catch (const FileUnreadable& error) {
         write_unfiltered(console.error, error_text(error.what(), is_coloured("auto", console.error_terminal)) + '\n');
         return unusable_data;
+    } catch (const FileNotWritten& error) {
+        write_unfiltered(console.error, error_text(error.what(), is_coloured("auto", console.error_terminal)) + '\n');
+        return not_stored;
+    } catch (const std::bad_alloc&) {
+        console.error << out_of_memory_text() << '\n';
+        if (!console.error) throw;  // not even for that: the caller's turn
+        return out_of_memory;
     }
 }
 

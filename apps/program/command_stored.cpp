@@ -69,6 +69,12 @@ std::string plot_list(const StoredRun& run) {
     return table.text();
 }
 
+/// Removes what a killed command left of this file.
+void clear_place(const std::filesystem::path& file) {
+    remove_leftover_temporaries(file.has_parent_path() ? file.parent_path() : std::filesystem::path("."),
+                                file.filename().string());
+}
+
 /// What is said of a folder whose files do not hold what this program stores in them.
 std::string changed_folder(const std::filesystem::path& folder, const nlohmann::json::exception& error) {
     std::string rule = error.what();
@@ -145,6 +151,7 @@ int plot_run(const CommandCall& call) {
         if (out == "-") {
             write_unfiltered(call.console.out, bytes);
         } else {
+            clear_place(out);
             write_atomically(out, bytes);
             call.console.out << out << '\n';
         }
@@ -250,6 +257,7 @@ int write_report(const CommandCall& call) {
         progress.within("report");
         const StoredRun run = read_stored_run(call.words.at(0));
         const std::filesystem::path file = run.folder / "report.html";
+        clear_place(file);
         write_atomically(file, report_html(run));
         progress.within({});
         call.console.out << file.string() << '\n';

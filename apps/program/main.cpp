@@ -1,19 +1,46 @@
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstdlib>
 #include <exception>
 #include <iostream>
+#include <new>
 #include <string>
+#include <string_view>
 
+#include "apps/program/command.hpp"
 #include "apps/program/command_line.hpp"
 
+namespace {
+
+/// Where memory ran out and nothing could be unwound: in a thread of a library, or in a function that must not fail.
+/// Files are whole all the same, and the next run removes temporaries. Without memory of its own.
+[[noreturn]] void end_without_memory() {
+    try {
+        if (const std::exception_ptr current = std::current_exception()) std::rethrow_exception(current);
+    } catch (const std::bad_alloc&) {
+        constexpr std::string_view text = "out of memory; what was stored before is whole\n";
+        (void)!::write(STDERR_FILENO, text.data(), text.size());
+        ::_exit(orbid::apps::out_of_memory);
+    } catch (...) {
+    }
+    std::abort();
+}
+
+}  // namespace
+
 int main(int count, char** arguments) {
+    std::set_terminate(end_without_memory);
     try {
         return orbid::apps::run_command({arguments + 1, arguments + count}, true);
+    } catch (const std::bad_alloc&) {
+        end_without_memory();
     } catch (const std::exception& error) {
         // Whatever it names, it only shows itself.
         std::string text = error.what();
         std::replace_if(
             text.begin(), text.end(), [](unsigned char c) { return c < ' ' || c >= 0x7F; }, '?');
         std::cerr << "orbid: internal error: " << text << '\n';
-        return 4;
+        return orbid::apps::not_stored;
     }
 }

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <ostream>
+#include <system_error>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -140,6 +142,19 @@ void Progress::watch() {
     }
 }
 
+void Progress::watch_beside() {
+    // A line of progress is not worth a run: without a thread, or without memory for its text, there is none.
+    try {
+        watching_ = std::thread([this] {
+            try {
+                watch();
+            } catch (const std::bad_alloc&) {
+            }
+        });
+    } catch (const std::system_error&) {
+    }
+}
+
 void Progress::start(std::string_view stage, double total, std::string_view unit) {
     running_ = true;
     stage_ = stage;
@@ -150,7 +165,7 @@ void Progress::start(std::string_view stage, double total, std::string_view unit
     remaining_s_ = std::numeric_limits<double>::quiet_NaN();
     noted_ = stage_start_ = Clock::now();
     last_drawn_ = {};
-    if (!quiet_ && !watching_.joinable()) watching_ = std::thread([this] { watch(); });
+    if (!quiet_ && !watching_.joinable()) watch_beside();
 }
 
 void Progress::begin(std::string_view stage, double total, std::string_view unit) {

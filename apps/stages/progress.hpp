@@ -82,6 +82,7 @@ private:
     void start(std::string_view stage, double total, std::string_view unit);
     void finish(std::string_view outcome);
     void watch();
+    void watch_beside();
     [[nodiscard]] std::string state(double elapsed) const;
     void keep(std::string_view line);
     void print(std::string_view line);

@@ -101,6 +101,7 @@ StoredRun read_stored_run(const std::filesystem::path& folder) {
             folder.string(), folder.string()));
     run.job = std::move(*job);
     run.result = read_file(folder / "result.json", "orbid-result/1");
+    if (run.result) check_result(folder / "result.json", *run.result);
     run.cycles = read_file(folder / "cycles.json", "orbid-cycles/1");
     run.orbits = read_file(folder / "orbits.json", "orbid-cycles/1");
     run.estimate_orbits = read_file(folder / "estimate_orbits.json", "orbid-cycles/1");

@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
 #include <ios>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <unordered_set>
 #include <utility>
 #include <vector>
@@ -229,7 +231,8 @@ private:
         refuse_record_if(std::filesystem::is_directory(status), "{}: is a folder; a file with data is needed",
                          file_.string());
         std::ifstream stream(file_, std::ios::binary);
-        refuse_record_if(!stream, "{}: cannot be opened for reading", file_.string());
+        refuse_record_if(!stream, "{}: cannot be opened for reading: {}", file_.string(),
+                         std::generic_category().message(errno));
         return stream;
     }
 

@@ -1,3 +1,4 @@
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -5,6 +6,7 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 #include <fmt/format.h>
 
@@ -60,11 +62,12 @@ void write_csv(const std::filesystem::path& file, const Series& series, const st
     const std::string header = header_of(series);
     refuse_if(series.origin.find_first_of("\r\n") != std::string::npos, "origin of a series must be one line of text");
     std::unique_ptr<std::FILE, Closer> stream(std::fopen(file.c_str(), "wb"));
-    if (!stream) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
-    bool good = true;
+    const auto system = [](int error) { return std::generic_category().message(error); };
+    if (!stream) throw DataError(fmt::format("{}: cannot be opened for writing: {}", file.string(), system(errno)));
+    int failed = 0;  ///< the first error
     const auto flush = [&](fmt::memory_buffer& text) {
         models::stop_if_asked(interrupted);
-        good = good && std::fwrite(text.data(), 1, text.size(), stream.get()) == text.size();
+        if (failed == 0 && std::fwrite(text.data(), 1, text.size(), stream.get()) != text.size()) failed = errno;
         text.clear();
     };
 
@@ -90,15 +93,16 @@ void write_csv(const std::filesystem::path& file, const Series& series, const st
         }
     }
     flush(text);
-    good = std::fflush(stream.get()) == 0 && good;
-    if (!good) throw DataError(fmt::format("{}: cannot be written to its end (is the disk full?)", file.string()));
+    if (failed == 0 && std::fflush(stream.get()) != 0) failed = errno;
+    if (failed != 0) throw DataError(fmt::format("{}: cannot be written: {}", file.string(), system(failed)));
 }
 
 std::string read_origin(const std::filesystem::path& file) {
     if (file.extension() != ".csv") return read_hdf5(file).origin;
     constexpr std::string_view mark = "# origin: ";  // as write_csv puts it, on the first line
     std::ifstream in(file, std::ios::binary);
-    if (!in) throw DataError(fmt::format("{}: cannot be opened", file.string()));
+    if (!in)
+        throw DataError(fmt::format("{}: cannot be opened: {}", file.string(), std::generic_category().message(errno)));
     std::string line;
     std::getline(in, line);
     return line.starts_with(mark) ? line.substr(mark.size()) : std::string();

@@ -41,6 +41,7 @@ inline constexpr Hdf5Function<decltype(::H5Aread)> H5Aread{"H5Aread"};
 inline constexpr Hdf5Function<decltype(::H5Awrite)> H5Awrite{"H5Awrite"};
 inline constexpr Hdf5Function<decltype(::H5Dclose)> H5Dclose{"H5Dclose"};
 inline constexpr Hdf5Function<decltype(::H5Dcreate2)> H5Dcreate2{"H5Dcreate2"};
+inline constexpr Hdf5Function<decltype(::H5Dget_create_plist)> H5Dget_create_plist{"H5Dget_create_plist"};
 inline constexpr Hdf5Function<decltype(::H5Dget_space)> H5Dget_space{"H5Dget_space"};
 inline constexpr Hdf5Function<decltype(::H5Dget_type)> H5Dget_type{"H5Dget_type"};
 inline constexpr Hdf5Function<decltype(::H5Dopen2)> H5Dopen2{"H5Dopen2"};
@@ -61,6 +62,9 @@ inline constexpr Hdf5Function<decltype(::H5Gopen2)> H5Gopen2{"H5Gopen2"};
 inline constexpr Hdf5Function<decltype(::H5Lexists)> H5Lexists{"H5Lexists"};
 inline constexpr Hdf5Function<decltype(::H5Pclose)> H5Pclose{"H5Pclose"};
 inline constexpr Hdf5Function<decltype(::H5Pcreate)> H5Pcreate{"H5Pcreate"};
+inline constexpr Hdf5Function<decltype(::H5Pget_external_count)> H5Pget_external_count{"H5Pget_external_count"};
+inline constexpr Hdf5Function<decltype(::H5Pget_layout)> H5Pget_layout{"H5Pget_layout"};
+inline constexpr Hdf5Function<decltype(::H5Pset_elink_cb)> H5Pset_elink_cb{"H5Pset_elink_cb"};
 inline constexpr Hdf5Function<decltype(::H5Pset_obj_track_times)> H5Pset_obj_track_times{"H5Pset_obj_track_times"};
 inline constexpr Hdf5Function<decltype(::H5Sclose)> H5Sclose{"H5Sclose"};
 inline constexpr Hdf5Function<decltype(::H5Screate)> H5Screate{"H5Screate"};
@@ -83,8 +87,11 @@ inline constexpr Hdf5Function<decltype(::H5Tset_strpad)> H5Tset_strpad{"H5Tset_s
 inline constexpr Hdf5Function<decltype(::H5check_version)> H5check_version{"H5check_version"};
 inline constexpr Hdf5Function<decltype(::H5open)> H5open{"H5open"};
 
+inline constexpr Hdf5Identifier H5P_CLS_DATASET_ACCESS_ID_g{"H5P_CLS_DATASET_ACCESS_ID_g"};
 inline constexpr Hdf5Identifier H5P_CLS_DATASET_CREATE_ID_g{"H5P_CLS_DATASET_CREATE_ID_g"};
+inline constexpr Hdf5Identifier H5P_CLS_GROUP_ACCESS_ID_g{"H5P_CLS_GROUP_ACCESS_ID_g"};
 inline constexpr Hdf5Identifier H5P_CLS_GROUP_CREATE_ID_g{"H5P_CLS_GROUP_CREATE_ID_g"};
+inline constexpr Hdf5Identifier H5P_CLS_LINK_ACCESS_ID_g{"H5P_CLS_LINK_ACCESS_ID_g"};
 inline constexpr Hdf5Identifier H5T_C_S1_g{"H5T_C_S1_g"};
 inline constexpr Hdf5Identifier H5T_IEEE_F64LE_g{"H5T_IEEE_F64LE_g"};
 inline constexpr Hdf5Identifier H5T_NATIVE_DOUBLE_g{"H5T_NATIVE_DOUBLE_g"};
@@ -104,6 +111,10 @@ public:
     ~Hdf5Handle() {
         if (id_ >= 0) close_(id_);
     }
+
+    /// Closes it now. Small data are written only then.
+    /// @return false when that failed
+    [[nodiscard]] bool closed() { return id_ < 0 || close_(std::exchange(id_, -1)) >= 0; }
 
     [[nodiscard]] hid_t id() const { return id_; }
     [[nodiscard]] bool valid() const { return id_ >= 0; }

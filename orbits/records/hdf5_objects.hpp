@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -8,6 +9,7 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -16,6 +18,7 @@
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/data_file.hpp"
 #include "orbits/records/hdf5_library.hpp"
+#include "orbits/records/hdf5_own_links.hpp"
 #include "orbits/records/series.hpp"
 
 namespace orbid::orbits {
@@ -31,6 +34,13 @@ public:
         : file_(file.string()), bytes_(require_data_file(file)), interrupted_(interrupted) {}
 
     [[noreturn]] void fail(const std::string& what) const { throw DataError(fmt::format("{}: {}", file_, what)); }
+
+    /// The same of what the library could not do: with the reason of the system, if it had one.
+    [[noreturn]] void fail(const std::string& what, const std::string& otherwise) const {
+        if (const std::string file = links_.refused(); !file.empty())
+            fail(fmt::format("it links to another file ({}); only what is in the file itself is read", file));
+        fail(fmt::format("{}{}", what, errno != 0 ? ": " + std::generic_category().message(errno) : otherwise));
+    }
 
     Hdf5Handle open_attribute(hid_t owner, const std::string& name) const {
         if (H5Aexists(owner, name.c_str()) <= 0)
@@ -87,17 +97,19 @@ public:
 
     /// Number of objects in a group; the group must exist.
     std::size_t members(hid_t file, const std::string& name) const {
-        if (H5Lexists(file, name.c_str(), H5P_DEFAULT) <= 0)
+        if (H5Lexists(file, name.c_str(), links_.links()) <= 0)
             fail(fmt::format("group \"{}\" is missing; format {} needs it", name, known_format));
-        const Hdf5Handle group(H5Gopen2(file, name.c_str(), H5P_DEFAULT), H5Gclose);
+        errno = 0;
+        const Hdf5Handle group(H5Gopen2(file, name.c_str(), links_.groups()), H5Gclose);
         H5G_info_t info{};
-        if (!group.valid() || H5Gget_info(group.id(), &info) < 0) fail(fmt::format("\"{}\" must be a group", name));
+        if (!group.valid() || H5Gget_info(group.id(), &info) < 0) fail(fmt::format("\"{}\"", name), " must be a group");
         return static_cast<std::size_t>(info.nlinks);
     }
 
     Hdf5Handle open_dataset(hid_t file, const std::string& path) const {
-        if (H5Lexists(file, path.c_str(), H5P_DEFAULT) <= 0)
-            fail(fmt::format("dataset \"{}\" is missing; segments are numbered from 000000 without gaps", path));
+        errno = 0;
+        if (H5Lexists(file, path.c_str(), links_.links()) <= 0)
+            fail(fmt::format("dataset \"{}\"", path), " is missing; segments are numbered from 000000 without gaps");
         return existing_dataset(file, path);
     }
 
@@ -111,7 +123,7 @@ public:
 
     /// The text of a dataset; empty when there is none.
     std::string text_dataset(hid_t file, const std::string& path) const {
-        if (H5Lexists(file, path.c_str(), H5P_DEFAULT) <= 0) return {};
+        if (H5Lexists(file, path.c_str(), links_.links()) <= 0) return {};
         const Hdf5Handle dataset = existing_dataset(file, path);
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         const Hdf5Handle space(H5Dget_space(dataset.id()), H5Sclose);
@@ -120,8 +132,9 @@ public:
             fail(fmt::format("dataset \"{}\" must hold one text of fixed length", path));
         need_room(fmt::format("dataset \"{}\"", path), 1, H5Tget_size(type.id()), 1.0);
         std::string text(H5Tget_size(type.id()), '\0');
+        errno = 0;
         if (H5Dread(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()) < 0)
-            fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
+            fail(fmt::format("dataset \"{}\" cannot be read", path), damaged);
         text.resize(std::min(text.find('\0'), text.size()));
         return text;
     }
@@ -150,8 +163,9 @@ public:
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         if (H5Tget_class(type.id()) != H5T_FLOAT) fail(fmt::format("dataset \"{}\" must hold floating numbers", path));
         if (values.empty()) return;
+        errno = 0;
         if (!transfer_in_blocks(dataset, shape(dataset), values.data(), interrupted_, H5Dread))
-            fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
+            fail(fmt::format("dataset \"{}\" cannot be read", path), damaged);
     }
 
     /// `count` rows from `first` on, of a dataset of this shape.
@@ -165,15 +179,20 @@ public:
         shape[0] = count;
         const Hdf5Handle there(H5Dget_space(dataset.id()), H5Sclose);
         const Hdf5Handle here(H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), H5Sclose);
+        errno = 0;
         if (H5Sselect_hyperslab(there.id(), H5S_SELECT_SET, start.data(), nullptr, shape.data(), nullptr) < 0 ||
             H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, here.id(), there.id(), H5P_DEFAULT, values) < 0)
-            fail(fmt::format("dataset \"{}\" cannot be read; the file is damaged", path));
+            fail(fmt::format("dataset \"{}\" cannot be read", path), damaged);
     }
 
 private:
     Hdf5Handle existing_dataset(hid_t file, const std::string& path) const {
-        Hdf5Handle dataset(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
-        if (!dataset.valid()) fail(fmt::format("\"{}\" must be a dataset", path));
+        errno = 0;
+        Hdf5Handle dataset(H5Dopen2(file, path.c_str(), links_.datasets()), H5Dclose);
+        if (!dataset.valid()) fail(fmt::format("\"{}\"", path), " must be a dataset");
+        if (!is_stored_inside(dataset))
+            fail(fmt::format("dataset \"{}\" has its numbers in other files; only what is in the file itself is read",
+                             path));
         return dataset;
     }
 
@@ -185,9 +204,12 @@ private:
         return count;
     }
 
+    static constexpr const char* damaged = "; the file is damaged";
+
     std::string file_;
     std::uintmax_t bytes_;
     const std::function<bool()>& interrupted_;
+    Hdf5OwnLinks links_;
 };
 
 /// Everything about the record but its segments.
@@ -219,9 +241,11 @@ inline void read_header(const Hdf5Reader& read, hid_t file, Series& series) {
 /// The file, opened for reading while HDF5 is silent (Hdf5Silence).
 /// @throws DataError
 inline Hdf5Handle opened_file(const Hdf5Reader& read, const std::filesystem::path& file) {
-    if (H5Fis_hdf5(file.c_str()) <= 0) read.fail("is not an HDF5 file, or cannot be read");
+    errno = 0;
+    if (H5Fis_hdf5(file.c_str()) <= 0) read.fail("is not an HDF5 file, or cannot be read", "");
+    errno = 0;
     Hdf5Handle opened(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-    if (!opened.valid()) read.fail("cannot be opened as an HDF5 file; it is damaged or open elsewhere for writing");
+    if (!opened.valid()) read.fail("cannot be opened as an HDF5 file", "; it is damaged or open elsewhere for writing");
     return opened;
 }
 

@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <cerrno>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <fmt/format.h>
@@ -24,14 +26,23 @@ public:
     void check(herr_t status, const std::string& object) const {
         if (status < 0) fail(object);
     }
+    /// Closes an object: what was not on its way to the disk fails now.
+    void finish(Hdf5Handle& made, const std::string& object) const {
+        if (!made.closed()) fail(object);
+    }
     [[noreturn]] void fail(const std::string& object) const {
-        throw DataError(fmt::format("{}: {} cannot be written (is the disk full?)", file_, object));
+        throw DataError(fmt::format("{}: {} cannot be written: {}", file_, object, reason()));
+    }
+
+    /// What the system said last: the library only says that it failed.
+    static std::string reason() {
+        return errno != 0 ? std::generic_category().message(errno) : "the HDF5 library failed";
     }
 
     void attribute(hid_t owner, const char* name, hid_t type, const Hdf5Handle& space, const void* data) const {
-        const Hdf5Handle made =
-            checked(H5Acreate2(owner, name, type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
+        Hdf5Handle made = checked(H5Acreate2(owner, name, type, space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
         check(H5Awrite(made.id(), type, data), name);
+        finish(made, name);
     }
 
     /// Strings of one fixed length, padded with zeros: those of variable length live in a heap whose layout is HDF5's
@@ -72,10 +83,11 @@ public:
     void text_dataset(hid_t group, const char* name, const std::string& text) const {
         const Hdf5Handle properties = untimed(H5P_DATASET_CREATE, name);
         const Hdf5Handle type = text_type(text.size(), name);
-        const Hdf5Handle made =
+        Hdf5Handle made =
             checked(H5Dcreate2(group, name, type.id(), single(name).id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
                     H5Dclose, name);
         check(H5Dwrite(made.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()), name);
+        finish(made, name);
     }
 
 private:
@@ -122,9 +134,11 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
     const Writer write(file.string(), interrupted);
     const bool sampled = series.sampling == Series::Sampling::samples;
 
+    errno = 0;
     const hid_t created = H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
-    if (created < 0) throw DataError(fmt::format("{}: cannot be opened for writing", file.string()));
-    const Hdf5Handle out(created, H5Fclose);
+    if (created < 0)
+        throw DataError(fmt::format("{}: cannot be opened for writing: {}", file.string(), Writer::reason()));
+    Hdf5Handle out(created, H5Fclose);
 
     std::vector<std::string> names;
     std::vector<std::string> units;
@@ -134,7 +148,7 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
         units.push_back(coordinate.unit);
         angles.push_back(coordinate.angle ? 1 : 0);
     }
-    const Hdf5Handle root = write.checked(H5Gopen2(out.id(), "/", H5P_DEFAULT), H5Gclose, "/");
+    Hdf5Handle root = write.checked(H5Gopen2(out.id(), "/", H5P_DEFAULT), H5Gclose, "/");
     write.strings(root.id(), "format", {"orbid-series/1"}, true);
     write.strings(root.id(), "sampling", {sampled ? "samples" : "section"}, true);
     write.attribute(root.id(), "phase", H5T_NATIVE_DOUBLE, write.single("phase"), &series.phase);
@@ -144,20 +158,27 @@ void write_hdf5(const std::filesystem::path& file, const Series& series, const s
 
     if (!series.origin.empty()) write.text_dataset(out.id(), "origin", series.origin);
 
-    const Hdf5Handle segments = write.group(out.id(), "segments");
+    Hdf5Handle segments = write.group(out.id(), "segments");
     const bool timed = series.timed();
-    const Hdf5Handle times = timed ? write.group(out.id(), "times") : Hdf5Handle();
+    Hdf5Handle times = timed ? write.group(out.id(), "times") : Hdf5Handle();
     for (std::size_t s = 0; s < series.segments.size(); ++s) {
         const Segment& segment = series.segments[s];
         const std::string name = fmt::format("{:06}", s);
         const auto points = static_cast<hsize_t>(segment.values.cols());
         // Column-major (n, points) is row-major (points, n): one row per point, without copying.
-        const Hdf5Handle values = write.dataset(
-            segments.id(), name, {points, static_cast<hsize_t>(segment.values.rows())}, segment.values.data());
+        Hdf5Handle values = write.dataset(segments.id(), name, {points, static_cast<hsize_t>(segment.values.rows())},
+                                          segment.values.data());
         write.strings(values.id(), "label", {segment.label}, true);
-        if (timed) write.dataset(times.id(), name, {points}, segment.times.data());
+        write.finish(values, name);
+        if (!timed) continue;
+        Hdf5Handle at = write.dataset(times.id(), name, {points}, segment.times.data());
+        write.finish(at, "times/" + name);
     }
+    write.finish(times, "times");
+    write.finish(segments, "segments");
+    write.finish(root, "/");
     write.check(H5Fflush(out.id(), H5F_SCOPE_GLOBAL), "the file");
+    write.finish(out, "the file");
 }
 
 }  // namespace orbid::orbits

@@ -1,6 +1,7 @@
 #include "orbits/records/text_table.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cstring>
 #include <fstream>
@@ -35,7 +36,8 @@ std::string_view trimmed(std::string_view cell) {
 std::string whole_file(const std::filesystem::path& path) {
     const std::uintmax_t size = require_data_file(path);
     std::ifstream stream(path, std::ios::binary);
-    if (!stream) throw DataError(fmt::format("{}: cannot be opened for reading", path.string()));
+    const auto system = [] { return std::generic_category().message(errno); };
+    if (!stream) throw DataError(fmt::format("{}: cannot be opened for reading: {}", path.string(), system()));
     std::string text;
     text.reserve(static_cast<std::size_t>(size));
     std::string piece(std::size_t{1} << 20, '\0');
@@ -52,7 +54,7 @@ std::string whole_file(const std::filesystem::path& path) {
                          "{}:{}: the line has more than {} bytes; is it a table of text?", path.string(), lines + 1,
                          longest_table_line);
     }
-    if (stream.bad()) throw DataError(fmt::format("{}: cannot be read to its end", path.string()));
+    if (stream.bad()) throw DataError(fmt::format("{}: cannot be read to its end: {}", path.string(), system()));
     return text;
 }
 

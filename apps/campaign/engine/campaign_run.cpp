@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/documents/atomic_file.hpp"
 #include "apps/documents/fingerprint.hpp"
 #include "apps/documents/json_difference.hpp"
 #include "apps/documents/json_value.hpp"
@@ -108,11 +109,12 @@ std::string campaign_key(const CampaignTasks& tasks) {
 Journal campaign_journal(const CampaignTasks& tasks, const std::filesystem::path& folder) {
     std::error_code error;
     std::filesystem::create_directories(folder, error);
-    if (error) throw std::runtime_error(fmt::format("cannot create folder {}: {}", folder.string(), error.message()));
+    if (error) throw FileNotWritten(fmt::format("cannot create folder {}: {}", folder.string(), error.message()));
     const std::filesystem::path file = folder / journal_name;
     const JournalHead head = head_of(tasks);
     Journal journal =
-        std::filesystem::exists(file) ? Journal::open(file, Journal::Access::write) : Journal::create(file, head);
+        Journal::is_begun(file) ? Journal::open(file, Journal::Access::write) : Journal::create(file, head);
+    remove_leftover_temporaries(folder);
     if (journal.head().key != head.key)
         throw OtherCampaign(fmt::format("{} holds the journal of another campaign ({}); choose another --out",
                                         folder.string(), difference(journal, tasks)));

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <ctime>
 #include <exception>
+#include <new>
 #include <utility>
 
 #include <fmt/format.h>
@@ -14,6 +15,7 @@
 
 #include "apps/campaign/plan/campaign_file.hpp"
 #include "apps/documents/compression.hpp"
+#include "apps/documents/memory_limit.hpp"
 #include "apps/job/data_job.hpp"
 #include "apps/job/estimate_job.hpp"
 #include "apps/job/job_parts.hpp"
@@ -200,6 +202,8 @@ TaskOutcome TaskWork::run(std::int64_t number, const std::function<bool()>& stop
             fail(outcome, run.exit_code == data_code ? "data" : "error", last_line(run.messages));
         else if (late && run.exit_code == interrupted_code)
             fail(outcome, "time_limit", fmt::format("no answer within {} s: {}", limit, outcome.message));
+    } catch (const std::bad_alloc&) {
+        fail(outcome, "error", out_of_memory_text());
     } catch (const std::exception& error) {
         fail(outcome, "error", first_line(error.what()));
     }

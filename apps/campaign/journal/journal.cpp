@@ -38,6 +38,11 @@ JournalHead read_head(const SqliteFile& file) {
     throw std::logic_error("unreachable");
 }
 
+/// Without any table, and nobody's: a file in which the first transaction did not come to its end.
+bool is_empty(SqliteFile& file) {
+    return file.number("PRAGMA application_id") == 0 && file.number("SELECT count(*) FROM sqlite_master") == 0;
+}
+
 void check_format(SqliteFile& file) {
     if (file.number("PRAGMA application_id") != 1869767012)
         throw JournalError(
@@ -55,15 +60,27 @@ Journal::Journal(Journal&&) noexcept = default;
 Journal& Journal::operator=(Journal&&) noexcept = default;
 Journal::~Journal() = default;
 
+bool Journal::is_begun(const std::filesystem::path& file) {
+    if (!std::filesystem::exists(file)) return false;
+    try {
+        SqliteFile opened(file, SqliteFile::Mode::write);  // for reading, what a killed one left is an error
+        return !is_empty(opened);
+    } catch (const JournalError&) {
+        return true;  // who opens it is told what is wrong with it
+    }
+}
+
 Journal Journal::create(const std::filesystem::path& file, const JournalHead& head) {
-    if (std::filesystem::exists(file))
-        throw JournalError(fmt::format("{} exists already: a campaign is begun once", file.string()));
+    if (is_begun(file)) throw JournalError(fmt::format("{} exists already: a campaign is begun once", file.string()));
     std::set<std::string> names;
     for (const VariedColumn& column : head.varied)
         if (!names.insert(column.name).second)
             throw std::invalid_argument(fmt::format("two columns of a campaign have the name \"{}\"", column.name));
     auto database = std::make_unique<Database>(file, SqliteFile::Mode::create);
     SqliteFile& opened = database->file;
+    // Somebody else may have begun it before the lock was had.
+    if (!is_empty(opened))
+        throw JournalError(fmt::format("{} exists already: a campaign is begun once", file.string()));
     opened.run(
         fmt::format("PRAGMA page_size={}; PRAGMA auto_vacuum=NONE; PRAGMA encoding='UTF-8'; "
                     "PRAGMA journal_mode=WAL",

@@ -75,7 +75,9 @@ class Journal {
 public:
     enum class Access { read, write };
 
-    /// A new journal; the file must not exist.
+    /// Whether there is a journal. Of one whose making was interrupted nothing was written but an empty file.
+    [[nodiscard]] static bool is_begun(const std::filesystem::path& file);
+    /// A new journal; there must be none (is_begun).
     /// @throws JournalError when it cannot be made.
     [[nodiscard]] static Journal create(const std::filesystem::path& file, const JournalHead& head);
     /// @throws JournalError when the file is not a whole journal, or, for writing, another process writes it.

@@ -57,8 +57,8 @@ void throw_sqlite_error(sqlite3* database, int status, const std::filesystem::pa
                 throw JournalDamaged(fmt::format("{} is not a whole journal: {}", name, said));
             break;
         case SQLITE_FULL:
-            throw JournalError(
-                fmt::format("no space left for {}: what was stored before is whole; make room, then go on", name));
+            throw JournalError(fmt::format(
+                "no space left for {} ({}): what was stored before is whole; make room, then go on", name, reason));
         case SQLITE_IOERR:
             throw JournalError(
                 fmt::format("{} cannot be read or written ({}): what was stored before is whole; mend that, then go on",

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "orbits/records/series_file.hpp"
+#include "orbits/records/series_stream.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/records/scratch_folder.hpp"
 
@@ -182,6 +183,69 @@ TEST_CASE("what cannot become an HDF5 series is refused", "[orbits]") {
     series = example(Series::Sampling::section);
     series.coordinates.pop_back();
     CHECK_THROWS_WITH(write_hdf5(folder.path("a.h5"), series), ContainsSubstring("3 rows of values, the series 2"));
+}
+
+/// A dataset of 200 points whose numbers are elsewhere.
+void put_dataset(hid_t file, const char* path, hid_t properties) {
+    const hsize_t shape[] = {200, 3};
+    const hid_t space = H5Screate_simple(2, shape, nullptr);
+    H5Ldelete(file, path, H5P_DEFAULT);
+    H5Dclose(H5Dcreate2(file, path, H5T_IEEE_F64LE, space, H5P_DEFAULT, properties, H5P_DEFAULT));
+    H5Sclose(space);
+}
+
+TEST_CASE("a file that leads to other files is refused: they are not its sender's", "[orbits]") {
+    const ScratchFolder folder;
+    const auto file = folder.path("a.h5"), secret = folder.path("secret.h5");
+    write_hdf5(secret, example(Series::Sampling::section));
+    const auto refused = [&](auto change, const std::string& message) {
+        write_hdf5(file, example(Series::Sampling::section));
+        altered(file, change);
+        CHECK_THROWS_WITH(read_hdf5(file), ContainsSubstring("a.h5: " + message));
+        const auto whole = [&] { return stream_hdf5(file)->read(0, 1000); };
+        CHECK_THROWS_WITH(whole(), ContainsSubstring("a.h5: " + message));
+    };
+    const std::string link = "it links to another file (" + secret.string() + "); only what is in the file itself";
+    refused(
+        [&](hid_t f) {
+            H5Ldelete(f, "segments", H5P_DEFAULT);
+            H5Lcreate_external(secret.c_str(), "segments", f, "segments", H5P_DEFAULT, H5P_DEFAULT);
+        },
+        link);
+    refused(
+        [&](hid_t f) {
+            H5Ldelete(f, "segments/000001", H5P_DEFAULT);
+            H5Lcreate_external(secret.c_str(), "segments/000001", f, "segments/000001", H5P_DEFAULT, H5P_DEFAULT);
+        },
+        link);
+    // By a detour within the file.
+    refused(
+        [&](hid_t f) {
+            H5Ldelete(f, "segments/000001", H5P_DEFAULT);
+            H5Lcreate_external(secret.c_str(), "segments/000001", f, "detour", H5P_DEFAULT, H5P_DEFAULT);
+            H5Lcreate_soft("/detour", f, "segments/000001", H5P_DEFAULT, H5P_DEFAULT);
+        },
+        link);
+    const std::string elsewhere = "dataset \"segments/000001\" has its numbers in other files";
+    refused(
+        [&](hid_t f) {
+            const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
+            H5Pset_external(properties, secret.c_str(), 0, 200 * 3 * sizeof(double));
+            put_dataset(f, "segments/000001", properties);
+            H5Pclose(properties);
+        },
+        elsewhere);
+    refused(
+        [&](hid_t f) {
+            const hid_t properties = H5Pcreate(H5P_DATASET_CREATE);
+            const hsize_t shape[] = {200, 3};
+            const hid_t space = H5Screate_simple(2, shape, nullptr);
+            H5Pset_virtual(properties, space, secret.c_str(), "segments/000001", space);
+            put_dataset(f, "segments/000001", properties);
+            H5Sclose(space);
+            H5Pclose(properties);
+        },
+        elsewhere);
 }
 
 }  // namespace hdf5_file_test
