@@ -67,7 +67,6 @@ fs::path headers_folder() {
             candidates.push_back(folder / "include" / "orbid");
         }
     }
-    candidates.emplace_back(ORBID_HEADERS);
     fs::path other;
     for (const fs::path& folder : candidates) {
         const auto digest = digest_of_headers(folder);
