@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <stdexcept>
 
@@ -114,10 +115,38 @@ Eigen::MatrixXd KernelSystem::rhs_derivatives(const Eigen::MatrixXd& states, std
     return derivatives;
 }
 
+namespace {
+
+/// The tolerance of states far below 1, whose unit is large beside them: 2^(20 k) times it, a power of two so that the
+/// same motion in another unit, by a factor 2^20 or a power of it, takes the same steps to the last bit. The factor is
+/// 1 from 1e-3 on, where the relative tolerance takes over by itself, and for a start at 0, which says nothing.
+FlowOptions in_unit_of(FlowOptions options, double size) {
+    constexpr int step = 20;
+    constexpr double least_exponent = -960.0;  // tolerances stay above the least double
+    if (!(size > 0.0) || !std::isfinite(size)) return options;
+    const double steps = std::round(std::log2(size) / step);
+    if (steps >= 0.0) return options;
+    const double exponent = std::max(steps * step, least_exponent);
+    options.absolute_tolerance = std::ldexp(options.absolute_tolerance, static_cast<int>(exponent));
+    return options;
+}
+
+/// The smallest start that is not 0, by its largest coordinate.
+double least_size(const Eigen::MatrixXd& starts) {
+    double least = 0.0;
+    for (Eigen::Index k = 0; k < starts.cols(); ++k) {
+        const double size = starts.col(k).cwiseAbs().maxCoeff();
+        if (size > 0.0 && (least == 0.0 || size < least)) least = size;
+    }
+    return least;
+}
+
+}  // namespace
+
 FlowStart KernelSystem::start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,
                                  const FlowOptions& options) const {
     require_input();
-    return {x0.data(), phase, theta.data(), clock, asking(options), signal_.get()};
+    return {x0.data(), phase, theta.data(), clock, asking(in_unit_of(options, least_size(x0))), signal_.get()};
 }
 
 FlowResult KernelSystem::flow(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
@@ -151,7 +180,8 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
     if (total == 0) return {};
     check_flow(*this, starts.col(0), phases[0], durations, theta, free.value_or(std::span<const Eigen::Index>{}), clock,
                options);
-    const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, asking(options)};
+    const FlowStarts all{starts.data(), phases.data(), total,
+                         theta.data(),  clock,         asking(in_unit_of(options, least_size(starts)))};
     // Packs that share their steps do not count them as they go, and there are some thousand of them at most.
     constexpr std::size_t smallest_budget = 10000;
     const auto batch = options.maximum_steps < smallest_budget

@@ -92,9 +92,13 @@ std::size_t all_found(Part part, std::size_t outputs, const Flow& flow) {
                 Spoilt::error = {part, output, input, factor};
                 if (sensitivities(system, flow) == exact) continue;
                 ++planted;
+                // Events are located by the derivative of their surface: without it, or with its sign turned, there is
+                // no flow at all, which every caller is told.
+                const bool none =
+                    system.flow(flow.x0, 0.4, flow.durations, flow.theta, flow.clock).status != FlowStatus::ok;
                 const auto check = check_of(system, flow);
                 CAPTURE(output, input, factor, check.message);
-                CHECK_FALSE(check.passed);
+                CHECK((none || !check.passed));
             }
     Spoilt::error = {};
     return planted;
