@@ -77,7 +77,8 @@ Eigen::MatrixXd sensitivities(const System& system, const Flow& flow) {
 /// Plants every error of one part of a model, and counts; all must be found.
 template <class Spoilt>
 std::size_t all_found(Part part, std::size_t outputs, const Flow& flow) {
-    const ModelSystem<Spoilt> system;
+    const ModelSystem<Spoilt> model;
+    const System& system = model;
     Spoilt::error = {};
     const auto right = check_of(system, flow);
     CAPTURE(Spoilt::name, right.message);
