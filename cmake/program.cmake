@@ -35,7 +35,7 @@ install(FILES ${CMAKE_BINARY_DIR}/configs DESTINATION ${documents} COMPONENT run
 install(DIRECTORY docs/ DESTINATION ${documents}/docs COMPONENT runtime FILES_MATCHING
   PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png" PATTERN "*.csv" PATTERN site EXCLUDE)
 install(FILES README.md CONTRIBUTING.md CHANGELOG.md DESTINATION ${documents} COMPONENT runtime)
-install(FILES ${CMAKE_BINARY_DIR}/third_party_licences.txt DESTINATION ${documents} COMPONENT runtime)
+install(FILES ${CMAKE_BINARY_DIR}/third_party_licences.txt ${CMAKE_BINARY_DIR}/orbid.spdx.json DESTINATION ${documents} COMPONENT runtime)
 install(DIRECTORY examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/liborbid-dev/examples COMPONENT development
   FILES_MATCHING PATTERN "*.cpp" PATTERN "*.csv" PATTERN "*.md" PATTERN CMakeLists.txt PATTERN build EXCLUDE)
 

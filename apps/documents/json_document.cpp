@@ -65,6 +65,10 @@ public:
         // position counts the bytes read, the last of which is the one that made no sense.
         // A number too large is a whole token, which starts where the next one is looked for.
         const bool number = dynamic_cast<const Json::out_of_range*>(&error) != nullptr;
+        const auto says = [&](std::string_view text) { return rule.find(text) != std::string::npos; };
+        if (number) rule += "; a number is at most 1.8e308";
+        if (says("unexpected '}'") || says("unexpected ']'")) rule += "; no comma stands after the last entry";
+        if (says("invalid literal")) rule += "; a text stands in quotes";
         const Place place = number ? next_token() : place_of(position > 0 ? position - 1 : 0);
         fail(place, rule);
         return false;

@@ -51,7 +51,7 @@ std::optional<std::string> digest_of_headers(const fs::path& folder) {
 }
 
 /// Folder that holds models/ as this library was compiled with it: include/orbid of the prefix that the library (or the
-/// program that it is part of) lies in, however deep, or the source folder.
+/// program that it is part of) lies in, however deep; in a build folder a link of that name leads to the source.
 fs::path headers_folder() {
     std::error_code error;
     std::vector<fs::path> candidates;
@@ -67,7 +67,6 @@ fs::path headers_folder() {
             candidates.push_back(folder / "include" / "orbid");
         }
     }
-    candidates.emplace_back(ORBID_HEADERS);
     fs::path other;
     for (const fs::path& folder : candidates) {
         const auto digest = digest_of_headers(folder);

@@ -83,9 +83,9 @@ void need_words(const Command& command, const CommandCall& call) {
     const auto needed = std::count_if(command.words.begin(), command.words.end(),
                                       [](const CommandWord& word) { return !word.optional; });
     if (call.words.size() >= static_cast<std::size_t>(needed) && call.words.size() <= command.words.size()) return;
-    throw CommandLineError(fmt::format("orbid {} takes {}, not {} arguments; see orbid {} --help", command.name,
+    throw CommandLineError(fmt::format("orbid {} takes {}, not {} argument{}; see orbid {} --help", command.name,
                                        command.words.empty() ? "no arguments" : usage_words(command), call.words.size(),
-                                       command.name));
+                                       call.words.size() == 1 ? "" : "s", command.name));
 }
 
 int run_known(const std::vector<std::string>& arguments, const Console& console) {

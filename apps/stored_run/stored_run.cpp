@@ -37,12 +37,14 @@ std::optional<Json> read_file(const std::filesystem::path& file, std::string_vie
                         file.string(), said.substr(0, place), said.substr(place + 2)));
     }
     if (!json.is_object())
-        throw orbits::DataError(fmt::format("{}:1:1: must be an object, is {}", file.string(), json.type_name()));
+        throw orbits::DataError(
+            fmt::format("{}:1:1: must be an object {{ ... }}, is {}; the file was changed after it was stored",
+                        file.string(), json.type_name()));
     if (format.empty()) return json;
     const auto found = json.find("format");
     if (found == json.end() || !found->is_string() || found->get<std::string>() != format)
         throw orbits::DataError(
-            fmt::format("{}: /format: {}, this version reads \"{}\"", file.string(),
+            fmt::format("{}: /format: {}, this version reads \"{}\"; is this the folder of a run?", file.string(),
                         found == json.end() ? std::string("is missing") : fmt::format("is {}", found->dump()), format));
     return json;
 }

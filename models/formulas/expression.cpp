@@ -11,6 +11,9 @@ namespace orbid::models {
 
 namespace {
 
+/// Of an unknown name's neighbours.
+constexpr std::size_t most_names_told = 12;
+
 using Step = Expression::Step;
 
 // The parser is recursive in brackets and signs; a formula that nests deeper than this is a mistake or an attack on the
@@ -99,7 +102,11 @@ private:
         const auto at = std::find(names_.begin(), names_.end(), word);
         if (at == names_.end()) {
             position_ = start;
-            fail("unknown name \"" + std::string(word) + "\"");
+            std::string known;
+            for (std::size_t i = 0; i < std::min(names_.size(), most_names_told); ++i)
+                known += (i > 0 ? ", " : "; known: ") + std::string(names_[i]);
+            if (names_.size() > most_names_told) known += " and more";
+            refuse("unknown name \"" + std::string(word) + "\"" + known);
         }
         steps_.push_back({FormulaOperation::parameter, 0.0, static_cast<std::size_t>(at - names_.begin()), start});
     }
@@ -143,9 +150,11 @@ private:
     [[noreturn]] void fail(const std::string& rule) {
         peek();
         std::string found = position_ < text_.size() ? "\"" + std::string(1, text_[position_]) + "\"" : "the end";
-        throw ExpressionError(
-            "character " + std::to_string(position_ + 1) + " of \"" + excerpt() + "\": " + rule + ", found " + found,
-            position_);
+        refuse(rule + ", found " + found);
+    }
+    [[noreturn]] void refuse(const std::string& rule) {
+        throw ExpressionError("character " + std::to_string(position_ + 1) + " of \"" + excerpt() + "\": " + rule,
+                              position_);
     }
 
     /// The text, of a long one what stands around the position: a message stays readable.

@@ -86,12 +86,27 @@ FlowError flow_error(const System& system, const FlowOptions& options, const Flo
     for (Eigen::Index k = 0; k < base.states.cols(); ++k)
         for (Eigen::Index i = 0; i < n; ++i) {
             const double growth = (base.sensitivity(k, directions).row(i).head(n).cwiseAbs() * sizes.head(n)).value();
-            const double rounding = std::numeric_limits<double>::epsilon() * (std::abs(base.states(i, k)) + growth);
+            const double rounding = std::numeric_limits<double>::epsilon() *
+                                    (std::abs(base.states(i, k)) + (std::isfinite(growth) ? growth : 0.0));
             const double tolerance = system.kind() == Kind::map ? 0.0 : options.absolute_tolerance;
             double& e = error.states(i, k);
             e = std::max({e, k > 0 ? error.states(i, k - 1) : 0.0, tolerance + 10.0 * rounding});
         }
     return error;
+}
+
+/// A flow with sensitivities. Where they alone have no finite values, the flow without them, and nan for each.
+FlowResult with_derivatives(const System& system, const Eigen::VectorXd& x0, double phase,
+                            std::span<const double> durations, const Eigen::VectorXd& theta,
+                            std::span<const Eigen::Index> free, Clock clock, const FlowOptions& options) {
+    FlowResult flow = system.flow_with_sensitivities(x0, phase, durations, theta, free, clock, options);
+    if (flow.status == FlowStatus::ok) return flow;
+    FlowResult plain = system.flow(x0, phase, durations, theta, clock, options);
+    if (plain.status != FlowStatus::ok) return flow;
+    const Eigen::Index directions = system.dimension() + static_cast<Eigen::Index>(free.size());
+    plain.sensitivities = Eigen::MatrixXd::Constant(system.dimension(), plain.states.cols() * directions,
+                                                    std::numeric_limits<double>::quiet_NaN());
+    return plain;
 }
 
 std::string duration_text(const System& system, double duration, Clock clock) {
@@ -129,7 +144,7 @@ DerivativeCheck check_derivatives(const System& system, const Eigen::VectorXd& x
     if (!(options.relative_tolerance > 0.0))
         throw std::invalid_argument(
             fmt::format("derivative check: relative_tolerance is {}, must be > 0", options.relative_tolerance));
-    const FlowResult base = system.flow_with_sensitivities(x0, phase, durations, theta, free, clock, options.flow);
+    const FlowResult base = with_derivatives(system, x0, phase, durations, theta, free, clock, options.flow);
     const Eigen::Index n = system.dimension(), directions = n + static_cast<Eigen::Index>(free.size());
     const auto count = static_cast<Eigen::Index>(durations.size());
     DerivativeCheck check;
@@ -143,7 +158,7 @@ DerivativeCheck check_derivatives(const System& system, const Eigen::VectorXd& x
     FlowOptions loose = options.flow;
     loose.relative_tolerance *= 10.0;
     loose.absolute_tolerance *= 10.0;
-    const FlowResult looser = system.flow_with_sensitivities(x0, phase, durations, theta, free, clock, loose);
+    const FlowResult looser = with_derivatives(system, x0, phase, durations, theta, free, clock, loose);
     if (looser.status != FlowStatus::ok) {
         check.message = message_of(system, check, free, clock);
         return check;

@@ -44,7 +44,8 @@ struct DerivativeCheck {
 /// derivative. Entries where this exceeds a thousandth of the entry are not compared and count as inconclusive. (For a
 /// small entry: 1e-6 of the size of its coordinate over that of its direction.) Flows are left out if their status is
 /// not ok, or if they end far from the flow through x0 or have another number of switching events. At a start on a
-/// switching surface the derivative is one-sided: an entry that agrees with the quotient to one side passes.
+/// switching surface the derivative is one-sided: an entry that agrees with the quotient to one side passes. Where the
+/// flow is finite and its derivatives are not, each entry with an accurate quotient counts as wrong.
 ///
 /// @param free  parameters to differentiate with respect to; those at the edge of their domain are differenced inwards
 /// @return a status other than ok of the flow itself leaves everything inconclusive, and the message says so.

@@ -89,7 +89,7 @@ std::string shown(std::string_view cell) {
 TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()), text_(whole_file(file)) {
     if (text_.starts_with(byte_order_mark)) position_ = byte_order_mark.size();
     if (std::memchr(text_.data(), '\0', std::min<std::size_t>(text_.size(), 4096)) != nullptr)
-        throw DataError(fmt::format("{}: is not a text file (it holds zero bytes)", file_));
+        throw DataError(fmt::format("{}: is not a text file (it holds zero bytes); export the table as UTF-8", file_));
     read_header();
 }
 
@@ -203,7 +203,9 @@ bool TextTable::next(std::vector<std::string_view>& cells) {
         std::string hint;
         if (delimiter_ == ',' && cells.size() > header_.size() && cells.size() % header_.size() == 0)
             hint = " (decimal commas? numbers are written with a point)";
-        fail(fmt::format("has {} cells, the header has {} columns{}", cells.size(), header_.size(), hint));
+        if (cells.size() < header_.size()) hint = "; the cell of a missing sample is there, and empty";
+        fail(fmt::format("has {} cell{}, the header has {} columns{}", cells.size(), cells.size() == 1 ? "" : "s",
+                         header_.size(), hint));
     }
     return true;
 }
@@ -214,7 +216,8 @@ double TextTable::number(std::string_view cell, std::size_t column) const {
     double value = 0.0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
     if (error == std::errc::result_out_of_range && end == digits.data() + digits.size())
-        fail(column, fmt::format("\"{}\" is outside the range of a double", shown(cell)));
+        fail(column,
+             fmt::format("\"{}\" is outside the range of a double; another unit, or an empty cell", shown(cell)));
     if (error != std::errc{} || end != digits.data() + digits.size()) {
         const bool decimal_comma = cell.find(',') != std::string_view::npos;
         fail(column, fmt::format("\"{}\" is not a number; {}", shown(cell),

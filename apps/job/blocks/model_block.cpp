@@ -107,7 +107,8 @@ void resolve_model(const ValueReader& name_value, const std::optional<ValueReade
     std::optional<std::size_t> size;
     if (entry->size) size = entry->size->standard;
     if (size_value && !entry->size) {
-        size_value->report(fmt::format("the number of coordinates of {} is part of its equations", *name));
+        size_value->report(
+            fmt::format("the number of coordinates of {} is part of its equations: leave \"size\" out", *name));
     } else if (size_value) {
         const auto chosen = size_value->whole(entry->size->smallest, models::ModelSize::largest);
         // A bad size is reported; with the standard one the rest of the job can be checked too.

@@ -86,7 +86,7 @@ TEST_CASE("folders that are no stored run are refused with file and place", "[ap
     CHECK_THAT(refusal<DataError>(folder.path()),
                ContainsSubstring("/format: is \"orbid-result/9\", this version reads \"orbid-result/1\""));
     write_text(folder.path() / "result.json", "[1]");
-    CHECK_THAT(refusal<DataError>(folder.path()), ContainsSubstring("must be an object, is array"));
+    CHECK_THAT(refusal<DataError>(folder.path()), ContainsSubstring("must be an object { ... }, is array"));
     write_text(folder.path() / "result.json", "{}");
     CHECK_THAT(refusal<DataError>(folder.path()), ContainsSubstring("/format: is missing"));
 }

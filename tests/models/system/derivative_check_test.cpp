@@ -125,6 +125,21 @@ struct Exploding {
     }
 };
 
+/// A root of 0 in the equations: its value adds nothing, its derivative is no number.
+struct NotFinite {
+    static constexpr std::string_view name = "not_finite";
+    static constexpr std::string_view summary = "";
+    static constexpr std::string_view equations = "x' = -k x + sqrt(x - x)";
+    static constexpr std::array coordinates{real("x", "m")};
+    static constexpr std::array parameters{Parameter{"k", "1/s", positive, 0.5, "decay"}};
+    static constexpr bool packs = false;
+    template <class T>
+    static State<T, 1> rhs(const T& /*t*/, const State<T, 1>& x, const Values<T, 1>& p) {
+        using std::sqrt;
+        return {-p[0] * x[0] + sqrt(x[0] - x[0])};
+    }
+};
+
 template <class M>
 DerivativeCheck check_of(const Eigen::VectorXd& x0, const std::vector<double>& durations,
                          const DerivativeCheckOptions& options = {}) {
@@ -244,6 +259,11 @@ TEST_CASE("the check of derivatives names what is wrong", "[models][fast]") {
     // As much may be allowed.
     CHECK(check_of<SlightlyWrong>(Eigen::VectorXd::Constant(1, 2.0), {1.5}, {.relative_tolerance = 2e-4, .flow = {}})
               .passed);
+
+    // Derivatives without a value, of a flow that has one.
+    const auto none = check_of<NotFinite>(Eigen::VectorXd::Constant(1, 2.0), {1.5});
+    CAPTURE(none.message);
+    CHECK_FALSE(none.passed);
 
     // Wrong after the first of two impacts only.
     const auto ball = check_of<Ball<false>>(Eigen::Vector2d(1.0, 0.3), {0.2, 0.6, 1.4});

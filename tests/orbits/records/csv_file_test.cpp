@@ -152,7 +152,8 @@ TEST_CASE("what cannot be read is refused with file, line, column and rule", "[o
     CHECK_THAT(refusal("theta;rate\n1,5;2\n", layout), ContainsSubstring("decimal point"));
     CHECK(refusal("theta,rate\n1,2\n1,2,3\n", layout) == "data.csv:3: has 3 cells, the header has 2 columns");
     CHECK_THAT(refusal("theta,rate\n1,5,2,5\n", layout), ContainsSubstring("decimal commas?"));
-    CHECK(refusal("theta,rate\n1\n", layout) == "data.csv:2: has 1 cells, the header has 2 columns");
+    CHECK(refusal("theta,rate\n1\n", layout) ==
+          "data.csv:2: has 1 cell, the header has 2 columns; the cell of a missing sample is there, and empty");
     CHECK(refusal("theta,rat,t\n1,2,3\n", layout) ==
           "data.csv: no column \"rate\" (did you mean \"rat\"?); the columns are \"theta\", \"rat\", \"t\"");
     CHECK_THAT(refusal("theta,rate,theta\n1,2,3\n", layout), ContainsSubstring("column \"theta\" appears twice"));
