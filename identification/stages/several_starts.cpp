@@ -46,6 +46,7 @@ void search_starts(StageInput& input, const ProblemResiduals& residuals,
 SeriesStart searched_series(StageInput& input, const std::vector<estimator::FreeParameter>& parameters) {
     SeriesSearch search;
     search.estimate = input.estimate;
+    search.signs = input.signs;
     search.log = [&](const std::string& line) { input.observer.detail(line); };
     search.remark = [&](const std::string& line) { input.observer.remark(line); };
     search.watched = [&](const std::string& name, const estimator::StepReport& report) {
