@@ -69,6 +69,17 @@ double misfit_of(const ProblemResiduals& residuals, const estimator::Estimate& e
     return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }
 
+/// A flow of an interval that takes more steps than this goes where no start belongs.
+std::size_t most_flow_steps(const SeriesStart& start) {
+    constexpr std::size_t most = 2000, least = 200, per_sample = 100;
+    std::size_t longest = 0;
+    for (const std::size_t interval : start.intervals) {
+        if (interval == SeriesChoice::automatic_interval) return most;
+        longest = std::max(longest, interval);
+    }
+    return start.intervals.empty() ? most : std::min(most, least + per_sample * longest);
+}
+
 /// All stages are behind it, and only steps are missing.
 bool is_on_its_way(const estimator::Estimate& estimate) {
     return estimate.status == estimator::EstimateStatus::iteration_limit && !estimate.parameters.empty() &&
@@ -89,8 +100,7 @@ SeriesAttempt SeriesAttempts::make(const std::string& name, const SeriesStart& s
     constexpr int most_steps = 45;
     constexpr double rough = 1e-2;
     constexpr double prior_width = 0.5;
-    // A flow of an interval that takes more steps than this goes where no start belongs.
-    constexpr models::FlowOptions quick_flow{1e-11, 1e-11, 2000};
+    const models::FlowOptions quick_flow{1e-11, 1e-11, most_flow_steps(start)};
     SeriesAttempt result;
     ProblemResiduals residuals;
     add_shooting(problem_, setup_, start, residuals, quick_flow);
@@ -109,7 +119,8 @@ SeriesAttempt SeriesAttempts::make(const std::string& name, const SeriesStart& s
         return sum;
     };
     options.interrupted = [&] {
-        result.cut = spent() > most_work_;
+        const std::uint64_t now = spent();
+        result.cut = now > most_work_ || now - work_ > most_of_one_;
         return result.cut || (search_.estimate.interrupted && search_.estimate.interrupted());
     };
     options.watched = [&](const estimator::StepReport& report) {

@@ -61,8 +61,11 @@ public:
 
     /// What all attempts have cost, see ShootingResidual::work().
     [[nodiscard]] std::uint64_t work() const { return work_; }
-    /// An attempt ends where the work of all would exceed this; at first there is no limit.
-    void limit(std::uint64_t work) { most_work_ = work; }
+    /// An attempt ends where its own work would exceed `one`, or that of all `all`; at first there is no limit.
+    void limit(std::uint64_t one, std::uint64_t all) {
+        most_of_one_ = one;
+        most_work_ = all;
+    }
 
 private:
     [[nodiscard]] std::ptrdiff_t changed_signs(const SeriesAttempt& one) const;
@@ -76,7 +79,8 @@ private:
     const std::vector<estimator::FreeParameter>& parameters_;
     const SeriesSearch& search_;
     bool reached_ = false;  ///< an attempt has come to something
-    std::uint64_t work_ = 0, most_work_ = std::numeric_limits<std::uint64_t>::max();
+    static constexpr std::uint64_t any_work = std::numeric_limits<std::uint64_t>::max();
+    std::uint64_t work_ = 0, most_of_one_ = any_work, most_work_ = any_work;
 };
 
 }  // namespace orbid::identification

@@ -47,7 +47,7 @@ Laser laser() {
     options.plan = orbits::SamplePlan{0.02, 600, 1000};
     options.initial = Eigen::Vector3d(1.0, 1.3, 20.0);
     const Eigen::VectorXd values = result.system->default_parameters();
-    result.course = orbits::simulate(result.system, values, options).series.segments[0].values;
+    result.course = orbits::simulate(*result.system, values, options).series.segments[0].values;
     models::Sensor sensor;
     sensor.type = models::Sensor::Type::function;
     const auto names = models::reading_names(result.system->coordinates(), result.system->parameters(), {});
@@ -55,7 +55,7 @@ Laser laser() {
     options.sensor = sensor;
     options.noise = Eigen::Vector3d(noise, 0.0, 0.0);
     options.seed = 7;
-    orbits::Series series = orbits::simulate(result.system, values, options).series;
+    orbits::Series series = orbits::simulate(*result.system, values, options).series;
     series.coordinates.resize(1);
     series.segments[0].values = series.segments[0].values.row(0).eval();
     identification::IdentificationProblem problem;
@@ -186,7 +186,7 @@ TEST_CASE("an attempt ends where it would cost too much", "[identification][seri
     const Laser data = laser();
     const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
     identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, {});
-    attempts.limit(1);
+    attempts.limit(1, 1000000);
     const identification::SeriesAttempt one = attempts.make("costly", start_on(data.course));
     CHECK(one.cut);
     CHECK(one.estimate.status == estimator::EstimateStatus::interrupted);
