@@ -148,27 +148,6 @@ void try_starts(StageInput& input, StageValue& memory, bool known, ProblemResidu
     if (!known) input.observer.begin("estimate", 0.0, {});
 }
 
-/// The estimate of a stage. After a search that found nothing it ends by itself where more steps would cost too much.
-estimator::Estimate affordable_estimate(const StageInput& input, const SeriesStart& start, const Parameters& parameters,
-                                        const ProblemResiduals& residuals, estimator::EstimateOptions options) {
-    bool spent = false;
-    const auto interrupted = options.interrupted;
-    if (start.affordable > 0)
-        options.interrupted = [&] {
-            std::uint64_t work = 0;
-            for (const auto& one : residuals.shooting)
-                work += one->work();
-            spent = work > start.affordable;
-            return spent || (interrupted && interrupted());
-        };
-    estimator::Estimate estimate = estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
-    if (spent && estimate.status == EstimateStatus::interrupted) {
-        estimate.status = EstimateStatus::iteration_limit;
-        estimate.message = "given up: no start explains the readings, and more steps would cost too much";
-    }
-    return estimate;
-}
-
 /// @param known  the stage has run before and left `memory`, which is filled otherwise.
 StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parameters, StageValue& memory, bool known) {
     StageRun run;

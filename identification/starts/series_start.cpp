@@ -120,6 +120,22 @@ std::string unexplained(int attempts) {
         attempts);
 }
 
+/// How attempts have ended of which none explains the readings.
+struct Failure {
+    bool agree, ended, costly;  ///< two agree; one was not cut; the search has used up its work
+    std::uint64_t affordable;   ///< work of an estimate that may be in vain
+};
+
+/// What that means for the estimate, and for whoever reads the results.
+void judge_failure(const Failure& how, bool hidden, const SeriesSearch& search, SeriesStart& start) {
+    start.doubtful = hidden && !how.agree;
+    // Where readings tell the states, an estimate from them may still succeed, unless not even one attempt could end.
+    if (start.doubtful || !how.ended) start.affordable = how.affordable;
+    if (!search.remark) return;
+    if (how.costly && !how.agree) search.remark(too_costly(start.attempts));
+    if (hidden) search.remark(unexplained(start.attempts));
+}
+
 }  // namespace
 
 bool needs_search(const IdentificationProblem& problem) {
@@ -184,16 +200,13 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     if (best && (best->start.follows || (anything_followed(problem) && std::isfinite(best->misfit))))
         start = best->start;
     if (start.theta.size() == 0) start.theta = starts(parameters);
-    const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
-    start.doubtful = !start.follows && !stopped && !agree && anything_followed(problem);
-    const bool costly = !start.follows && !stopped && !agree && run.work() > most_work.all;
-    if (costly && search.remark) search.remark(too_costly(made));
-    // Where readings tell the states, an estimate from them may still succeed, unless not even one attempt could end.
-    if (start.doubtful || (!start.follows && !stopped && !ended)) start.affordable = most_work.first;
-    if (!start.follows && !stopped && search.remark && anything_followed(problem)) search.remark(unexplained(made));
     start.attempts = made;
     start.iterations = iterations;
     start.evaluations = evaluations;
+    const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
+    if (!start.follows && !stopped)
+        judge_failure({agree, ended, run.work() > most_work.all, most_work.first}, anything_followed(problem), search,
+                      start);
     return start;
 }
 
