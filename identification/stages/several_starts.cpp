@@ -1,8 +1,10 @@
 #include "identification/stages/several_starts.hpp"
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -46,6 +48,7 @@ void search_starts(StageInput& input, const ProblemResiduals& residuals,
 SeriesStart searched_series(StageInput& input, const std::vector<estimator::FreeParameter>& parameters) {
     SeriesSearch search;
     search.estimate = input.estimate;
+    search.signs = input.signs;
     search.log = [&](const std::string& line) { input.observer.detail(line); };
     search.remark = [&](const std::string& line) { input.observer.remark(line); };
     search.watched = [&](const std::string& name, const estimator::StepReport& report) {
@@ -56,6 +59,27 @@ SeriesStart searched_series(StageInput& input, const std::vector<estimator::Free
     };
     input.observer.within("states at the nodes");
     return search_series_start(input.problem, input.options, input.setup, parameters, search);
+}
+
+estimator::Estimate affordable_estimate(const StageInput& input, const SeriesStart& start,
+                                        const std::vector<estimator::FreeParameter>& parameters,
+                                        const ProblemResiduals& residuals, estimator::EstimateOptions options) {
+    bool spent = false;
+    const auto interrupted = options.interrupted;
+    if (start.affordable > 0)
+        options.interrupted = [&] {
+            std::uint64_t work = 0;
+            for (const auto& one : residuals.shooting)
+                work += one->work();
+            spent = work > start.affordable;
+            return spent || (interrupted && interrupted());
+        };
+    estimator::Estimate estimate = estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
+    if (spent && estimate.status == estimator::EstimateStatus::interrupted) {
+        estimate.status = estimator::EstimateStatus::iteration_limit;
+        estimate.message = "given up: no start explains the readings, and more steps would cost too much";
+    }
+    return estimate;
 }
 
 }  // namespace orbid::identification

@@ -178,7 +178,7 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     check_enough_readings(input.problem, input.setup, run.residuals);
     if (input.starts != nullptr && input.options.starts > 1)
         try_starts(input, memory, known, run.residuals, parameters);
-    if (!known) memory.estimate = estimator::estimate(parameters, run.residuals.all(), input.setup.derived, options);
+    if (!known) memory.estimate = affordable_estimate(input, memory.series, parameters, run.residuals, options);
     run.estimate = memory.estimate;
     run.estimate.iterations += memory.cycles.iterations + memory.series.iterations;
     run.estimate.evaluations += memory.cycles.evaluations + memory.series.evaluations;

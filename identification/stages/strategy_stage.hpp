@@ -11,6 +11,7 @@
 #include "identification/problem/identification_result.hpp"
 #include "identification/problem/observer.hpp"
 #include "identification/problem/problem_residuals.hpp"
+#include "identification/starts/course_repair.hpp"
 #include "identification/starts/series_nodes.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 
@@ -42,6 +43,7 @@ struct StageInput {
     std::vector<FollowedStates> followed = {};  ///< states along the records, by the best stage so far
     /// Makes measured cycles known, `search` too, before the first stage that uses them; empty: they are.
     std::function<void()> find_cycles = {};
+    SignChoices signs = {};  ///< that nothing tells, see StructuralReport
 };
 
 /// A finished stage, with the input of its estimate.

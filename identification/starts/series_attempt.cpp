@@ -6,6 +6,8 @@
 #include <utility>
 #include <variant>
 
+#include <fmt/format.h>
+
 #include "identification/problem/estimated_values.hpp"
 #include "orbits/records/reading_noise.hpp"
 
@@ -67,6 +69,17 @@ double misfit_of(const ProblemResiduals& residuals, const estimator::Estimate& e
     return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }
 
+/// A flow of an interval that takes more steps than this goes where no start belongs.
+std::size_t most_flow_steps(const SeriesStart& start) {
+    constexpr std::size_t most = 2000, least = 200, per_sample = 100;
+    std::size_t longest = 0;
+    for (const std::size_t interval : start.intervals) {
+        if (interval == SeriesChoice::automatic_interval) return most;
+        longest = std::max(longest, interval);
+    }
+    return start.intervals.empty() ? most : std::min(most, least + per_sample * longest);
+}
+
 /// All stages are behind it, and only steps are missing.
 bool is_on_its_way(const estimator::Estimate& estimate) {
     return estimate.status == estimator::EstimateStatus::iteration_limit && !estimate.parameters.empty() &&
@@ -87,8 +100,7 @@ SeriesAttempt SeriesAttempts::make(const std::string& name, const SeriesStart& s
     constexpr int most_steps = 45;
     constexpr double rough = 1e-2;
     constexpr double prior_width = 0.5;
-    // A flow of an interval that takes more steps than this goes where no start belongs.
-    constexpr models::FlowOptions quick_flow{1e-11, 1e-11, 2000};
+    const models::FlowOptions quick_flow{1e-11, 1e-11, most_flow_steps(start)};
     SeriesAttempt result;
     ProblemResiduals residuals;
     add_shooting(problem_, setup_, start, residuals, quick_flow);
@@ -100,12 +112,24 @@ SeriesAttempt SeriesAttempts::make(const std::string& name, const SeriesStart& s
     options.verdict = false;
     options.maximum_iterations = most_steps;
     options.step_tolerance = rough;
+    const auto spent = [&] {
+        std::uint64_t sum = work_;
+        for (const auto& one : residuals.shooting)
+            sum += one->work();
+        return sum;
+    };
+    options.interrupted = [&] {
+        const std::uint64_t now = spent();
+        result.cut = now > most_work_ || now - work_ > most_of_one_;
+        return result.cut || (search_.estimate.interrupted && search_.estimate.interrupted());
+    };
     options.watched = [&](const estimator::StepReport& report) {
         if (search_.watched) search_.watched(name, report);
         if (search_.reached && !reached_) search_.reached(report.theta);
     };
     result.estimate = estimator::estimate(near, residuals.all(), {}, options);
     if (is_on_its_way(result.estimate)) go_on(near, residuals, options, result.estimate);
+    work_ = spent();
     const estimator::Estimate& found = result.estimate;
     const bool whole = found.status != estimator::EstimateStatus::failed && !found.parameters.empty() &&
                        found.latents.size() == residuals.shooting.size();
@@ -138,6 +162,30 @@ SeriesAttempt SeriesAttempts::with_signs_of_start(SeriesAttempt found) {
         start.theta = theta;
         SeriesAttempt other = make("signs of the start", start);
         if (other.start.follows && changed_signs(other) < changed_signs(found)) return other;
+    }
+    return found;
+}
+
+SeriesAttempt SeriesAttempts::on_better_sides(SeriesAttempt found) {
+    constexpr int rounds = 4;
+    for (int round = 0; round < rounds && !search_.signs.empty(); ++round) {
+        const bool ended = found.estimate.status == estimator::EstimateStatus::converged ||
+                           found.estimate.status == estimator::EstimateStatus::iteration_limit;
+        if (!ended || found.start.nodes.empty() || !std::isfinite(found.misfit)) break;
+        const CourseRepair repair = repaired_course(problem_, setup_, parameters_, search_.signs, found.start,
+                                                    found.estimate, search_.estimate);
+        if (repair.changed == 0) break;
+        SeriesAttempt other = make("other sides", repair.start);
+        const bool better = other.misfit < found.misfit || (other.start.follows && !found.start.follows);
+        if (search_.log)
+            search_.log(fmt::format("the other side suits {} places better: {}, {} iterations, misfit {:.4g}{}{}",
+                                    repair.changed, estimator::name(other.estimate.status), other.estimate.iterations,
+                                    other.misfit, other.start.follows ? ": explains the readings" : "",
+                                    better ? "" : ", not taken"));
+        other.estimate.iterations += found.estimate.iterations;
+        other.estimate.evaluations += found.estimate.evaluations;
+        if (!better) break;
+        found = std::move(other);
     }
     return found;
 }

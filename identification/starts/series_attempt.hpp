@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <string>
@@ -11,6 +12,7 @@
 #include "estimator/estimate/estimate.hpp"
 #include "identification/problem/estimate_setup.hpp"
 #include "identification/problem/problem_residuals.hpp"
+#include "identification/starts/course_repair.hpp"
 #include "identification/starts/series_nodes.hpp"
 
 namespace orbid::identification {
@@ -18,6 +20,7 @@ namespace orbid::identification {
 /// What a search for a start tells while it goes on. Anything may be empty.
 struct SeriesSearch {
     estimator::EstimateOptions estimate;  ///< of the final estimate; attempts are rougher
+    SignChoices signs{};                  ///< that nothing tells
     std::function<void(const std::string& attempt, const estimator::StepReport& report)> watched{};
     std::function<void(const std::string& line)> log{};
     std::function<void(const std::string& line)> remark{};
@@ -29,6 +32,7 @@ struct SeriesAttempt {
     SeriesStart start;  ///< `follows`: it explains the readings
     estimator::Estimate estimate;
     double misfit = std::numeric_limits<double>::infinity();  ///< what readings and links miss; less is better
+    bool cut = false;                                         ///< ended because it would have cost too much
 };
 
 /// Parameters with a normal prior about their start, where they have none; its sd is `width` times the start.
@@ -52,6 +56,17 @@ public:
     /// nothing tells (l in l^2) is not to change.
     [[nodiscard]] SeriesAttempt with_signs_of_start(SeriesAttempt found);
 
+    /// The same, on the other side of a symmetry wherever that suits the readings better; see repaired_course().
+    [[nodiscard]] SeriesAttempt on_better_sides(SeriesAttempt found);
+
+    /// What all attempts have cost, see ShootingResidual::work().
+    [[nodiscard]] std::uint64_t work() const { return work_; }
+    /// An attempt ends where its own work would exceed `one`, or that of all `all`; at first there is no limit.
+    void limit(std::uint64_t one, std::uint64_t all) {
+        most_of_one_ = one;
+        most_work_ = all;
+    }
+
 private:
     [[nodiscard]] std::ptrdiff_t changed_signs(const SeriesAttempt& one) const;
     void go_on(std::vector<estimator::FreeParameter> near, ProblemResiduals& residuals,
@@ -64,6 +79,8 @@ private:
     const std::vector<estimator::FreeParameter>& parameters_;
     const SeriesSearch& search_;
     bool reached_ = false;  ///< an attempt has come to something
+    static constexpr std::uint64_t any_work = std::numeric_limits<std::uint64_t>::max();
+    std::uint64_t work_ = 0, most_of_one_ = any_work, most_work_ = any_work;
 };
 
 }  // namespace orbid::identification

@@ -1,5 +1,6 @@
 #include "identification/starts/series_nodes.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <utility>
@@ -116,6 +117,34 @@ void add_shooting(const IdentificationProblem& problem, const EstimateSetup& set
         }
         residuals.shooting_experiments.push_back(experiment);
     }
+}
+
+std::unique_ptr<orbits::ShootingResidual> shooting_piece(const IdentificationProblem& problem,
+                                                         const EstimateSetup& setup, const SeriesStart& start,
+                                                         const SeriesPiece& piece, const Eigen::MatrixXd& nodes) {
+    const std::size_t experiment = problem.series->data[piece.place];
+    const Experiment& measured = problem.experiments[experiment];
+    const std::size_t segment = measured.fitted_segments()[piece.segment];
+    orbits::ShootingOptions options = shooting_options(problem, piece.place, start);
+    options.matching = orbits::Continuity{};
+    options.nodes = {nodes};
+    options.segments = {0};
+    options.delay = setup.delay(measured, experiment);
+    if (!measured.inputs.empty()) options.inputs = {measured.inputs[segment]};
+    for (estimator::ErrorScale& error : options.errors)
+        if (error.value > 0.0) error.estimate = false;
+    orbits::Series series = *measured.series;
+    orbits::Segment whole = std::move(series.segments[segment]);
+    const Eigen::Index first = piece.node * options.interval;
+    const Eigen::Index count = std::min(nodes.cols() * options.interval, whole.values.cols() - first);
+    series.segments.assign(1, {});
+    orbits::Segment& part = series.segments.front();
+    part.label = whole.label;
+    part.values = whole.values.middleCols(first, count);
+    if (whole.times.size() > 0) part.times = whole.times.segment(first, count);
+    if (whole.deviations.size() > 0) part.deviations = whole.deviations.middleCols(first, count);
+    return std::make_unique<orbits::ShootingResidual>(problem.system, setup.experiments[experiment], std::move(series),
+                                                      std::move(options));
 }
 
 }  // namespace orbid::identification

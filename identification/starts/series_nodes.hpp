@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -22,7 +24,8 @@ struct SeriesStart {
     /// Readings tell no states, no attempt explains them, and no two attempts have come to the same: the end of an
     /// estimate from here is one of several.
     bool doubtful = false;
-    int attempts = 0;  ///< that were made
+    std::uint64_t affordable = 0;  ///< work that an estimate from here may cost; 0: any
+    int attempts = 0;              ///< that were made
     int iterations = 0;
     int evaluations = 0;
 };
@@ -36,5 +39,21 @@ struct SeriesStart {
 /// @throws orbits::DataError when the data do not suffice, naming the experiment.
 void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
                   ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow = std::nullopt);
+
+/// Where a piece of a record begins.
+struct SeriesPiece {
+    std::size_t place = 0;    ///< of the experiment among those of the series
+    std::size_t segment = 0;  ///< among the fitted ones
+    Eigen::Index node = 0;    ///< of the segment
+};
+
+/// The residual of a piece of a record alone, with exact matching: of its nodes, shape (n, nodes), and all readings up
+/// to the next one. Errors are those of `start`, where it knows them, and not estimated.
+/// @throws orbits::DataError when the piece has no readings.
+[[nodiscard]] std::unique_ptr<orbits::ShootingResidual> shooting_piece(const IdentificationProblem& problem,
+                                                                       const EstimateSetup& setup,
+                                                                       const SeriesStart& start,
+                                                                       const SeriesPiece& piece,
+                                                                       const Eigen::MatrixXd& nodes);
 
 }  // namespace orbid::identification

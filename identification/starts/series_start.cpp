@@ -86,8 +86,31 @@ SeriesStart start_at(const IdentificationProblem& problem, const Place& place) {
 
 std::string told(int number, const Place& place, const SeriesAttempt& one) {
     return fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.4g}{}", number, place.name,
-                       estimator::name(one.estimate.status), one.estimate.iterations, one.misfit,
-                       one.start.follows ? ": explains the readings" : "");
+                       one.cut ? std::string_view("given up") : estimator::name(one.estimate.status),
+                       one.estimate.iterations, one.misfit, one.start.follows ? ": explains the readings" : "");
+}
+
+/// Work of attempts that is worth while, see ShootingResidual::work().
+struct AffordableWork {
+    std::uint64_t first, other, all;
+};
+
+/// Some 20 to 40 s of one processor in all for a record of some thousands of readings, and 300 steps of the integrator
+/// per reading for a long one. A third of that is 45 iterations with two steps per reading.
+AffordableWork affordable_work(const IdentificationProblem& problem, std::size_t parameters) {
+    constexpr double least = 2e7, steps = 300.0;
+    double readings = 0.0;
+    for (const std::size_t experiment : problem.series->data)
+        readings += static_cast<double>(problem.experiments[experiment].series->size());
+    const double each =
+        readings * static_cast<double>(1 + problem.system->dimension() + static_cast<std::ptrdiff_t>(parameters));
+    const double all = std::max(least, steps * each);
+    return {static_cast<std::uint64_t>(all / 2.0), static_cast<std::uint64_t>(std::max(all / 8.0, steps * each / 3.0)),
+            static_cast<std::uint64_t>(all)};
+}
+
+std::string too_costly(int attempts) {
+    return fmt::format("the search for a start is given up after {} attempts: more would cost too much", attempts);
 }
 
 std::string unexplained(int attempts) {
@@ -95,6 +118,22 @@ std::string unexplained(int attempts) {
         "from {} starts the model follows no course that explains the readings by their errors alone: it misses "
         "something, or none of these starts is near enough (\"start\" of parameters and of \"initial_state\")",
         attempts);
+}
+
+/// How attempts have ended of which none explains the readings.
+struct Failure {
+    bool agree, ended, costly;  ///< two agree; one was not cut; the search has used up its work
+    std::uint64_t affordable;   ///< work of an estimate that may be in vain
+};
+
+/// What that means for the estimate, and for whoever reads the results.
+void judge_failure(const Failure& how, bool hidden, const SeriesSearch& search, SeriesStart& start) {
+    start.doubtful = hidden && !how.agree;
+    // Where readings tell the states, an estimate from them may still succeed, unless not even one attempt could end.
+    if (start.doubtful || !how.ended) start.affordable = how.affordable;
+    if (!search.remark) return;
+    if (how.costly && !how.agree) search.remark(too_costly(start.attempts));
+    if (hidden) search.remark(unexplained(start.attempts));
 }
 
 }  // namespace
@@ -114,6 +153,8 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
                                 const SeriesSearch& search) {
     const std::vector<Place> list = places(problem, options, parameters);
     SeriesAttempts run(problem, setup, parameters, search);
+    const AffordableWork most_work = affordable_work(problem, parameters.size());
+    run.limit(most_work.first, most_work.all);
     std::optional<SeriesAttempt> best;
     std::optional<orbits::DataError> refused;
     constexpr double same_misfit = 1e-4;
@@ -122,10 +163,10 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     };
     using Begun = std::pair<Eigen::VectorXd, std::vector<std::size_t>>;
     std::vector<Begun> begun;  // parameters, and intervals as they were chosen
-    bool agree = false;
+    bool agree = false, ended = false;
     int made = 0, iterations = 0, evaluations = 0;
     for (const Place& place : list) {
-        if (search.estimate.interrupted && search.estimate.interrupted()) break;
+        if ((search.estimate.interrupted && search.estimate.interrupted()) || run.work() > most_work.all) break;
         const SeriesStart start = start_at(problem, place);
         // What errors suggested may have been an eighth of a turn.
         if (std::find(begun.begin(), begun.end(), Begun{start.theta, start.intervals}) != begun.end()) continue;
@@ -139,9 +180,12 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
             continue;
         }
         begun.emplace_back(place.theta, one.start.intervals);
+        run.limit(most_work.other, most_work.all);
+        ended = ended || !one.cut;
+        if (search.log) search.log(told(made, place, one));
+        one = run.on_better_sides(std::move(one));
         iterations += one.estimate.iterations;
         evaluations += one.estimate.evaluations;
-        if (search.log) search.log(told(made, place, one));
         // Where two agree, the model misses something, and others would find the same.
         agree = best && !one.start.follows && has_converged(one) && has_converged(*best) &&
                 std::abs(one.misfit - best->misfit) < same_misfit;
@@ -156,12 +200,13 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     if (best && (best->start.follows || (anything_followed(problem) && std::isfinite(best->misfit))))
         start = best->start;
     if (start.theta.size() == 0) start.theta = starts(parameters);
-    const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
-    start.doubtful = !start.follows && !stopped && !agree && anything_followed(problem);
-    if (!start.follows && !stopped && search.remark && anything_followed(problem)) search.remark(unexplained(made));
     start.attempts = made;
     start.iterations = iterations;
     start.evaluations = evaluations;
+    const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
+    if (!start.follows && !stopped)
+        judge_failure({agree, ended, run.work() > most_work.all, most_work.first}, anything_followed(problem), search,
+                      start);
     return start;
 }
 

@@ -95,6 +95,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
                      &starts,
                      {},
                      true};
+    input.signs = result.structure.signs;
     if (problem.measured.find) input.find_cycles = [&] { find_cycles(problem.measured, input); };
     const auto take = [&](const StrategyRun& run) {
         result.stages = run.stages;

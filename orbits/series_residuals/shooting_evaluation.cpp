@@ -158,6 +158,10 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     if (result.instants > 0)
         result.flows = system.flows(starts, phases, in_order, all, free, data.plan.clock, chunk.flow);
 
+    std::uint64_t steps = 0;
+    for (const models::FlowResult& one : result.flows)
+        steps += one.steps;
+    data.work.fetch_add(steps * static_cast<std::uint64_t>(1 + result.directions), std::memory_order_relaxed);
     result.ok.assign(chunk.nodes.size(), 1);
     result.states.resize(n, count * (result.instants + 1));
     std::vector<double> instant_phases(static_cast<std::size_t>(result.states.cols()));

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -124,6 +126,9 @@ public:
     }
     [[nodiscard]] const Series& series() const { return data_->series; }
     [[nodiscard]] const ShootingPlan& plan() const { return data_->plan; }
+    /// What evaluations have cost so far, of this residual and of those that share its data: steps of the integrator,
+    /// times one more than the directions of its derivatives. The same on every machine and with any number of threads.
+    [[nodiscard]] std::uint64_t work() const { return data_->work.load(std::memory_order_relaxed); }
 
 private:
     /// What copies with other matching share.
@@ -144,7 +149,8 @@ private:
         Eigen::VectorXd track_sd;
         Eigen::VectorXd track_theta;  ///< parameters that suit the first of them
         ShootingPlan plan;
-        Eigen::VectorXd omega_slopes;  ///< d omega / d(parameter), per parameter of the binding
+        Eigen::VectorXd omega_slopes;                ///< d omega / d(parameter), per parameter of the binding
+        mutable std::atomic<std::uint64_t> work{0};  ///< see work()
         Eigen::VectorXd delay_slopes;  ///< d delay / d(parameter) likewise; the series' phase is minus the start's
 
         /// By how much the clock of the inputs is earlier than at the start.

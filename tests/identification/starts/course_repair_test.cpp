@@ -1,0 +1,197 @@
+// Courses on the wrong side of a symmetry, against the course that made the record.
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "identification/problem/estimated_values.hpp"
+#include "identification/problem/problem_residuals.hpp"
+#include "identification/starts/course_repair.hpp"
+#include "identification/starts/series_attempt.hpp"
+#include "models/equations/equation_text.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
+#include "tests/catch.hpp"
+
+namespace course_repair_test {
+
+using namespace orbid;
+using namespace orbid::tests;
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+namespace {
+
+constexpr Index interval = 6;
+constexpr double gain = 0.6, offset = 12.0, noise = 0.5;
+
+/// Lorenz's equations, of which gain x^2 + offset is read: nothing tells (x, y, z) from (-x, -y, z).
+struct Laser {
+    std::shared_ptr<const models::System> system;
+    MatrixXd course;  ///< states at the samples
+    identification::IdentificationProblem problem;
+};
+
+Laser laser() {
+    models::EquationText text;
+    text.coordinates = {{"x", "s * (y - x)"}, {"y", "x * (r - z) - y"}, {"z", "x * y - b * z"}};
+    text.parameters = {{"s", "1", models::positive, 10.0},
+                       {"r", "1", models::positive, 28.0},
+                       {"b", "1", models::positive, 8.0 / 3.0}};
+    std::vector<models::EquationProblem> problems;
+    Laser result;
+    result.system = models::system_from_text(text, problems);
+    REQUIRE(problems.empty());
+    orbits::VirtualExperimentOptions options;
+    options.plan = orbits::SamplePlan{0.02, 600, 1000};
+    options.initial = Eigen::Vector3d(1.0, 1.3, 20.0);
+    const Eigen::VectorXd values = result.system->default_parameters();
+    result.course = orbits::simulate(*result.system, values, options).series.segments[0].values;
+    models::Sensor sensor;
+    sensor.type = models::Sensor::Type::function;
+    const auto names = models::reading_names(result.system->coordinates(), result.system->parameters(), {});
+    sensor.functions.push_back({0, models::Expression::parse("0.6 * x^2 + 12", names)});
+    options.sensor = sensor;
+    options.noise = Eigen::Vector3d(noise, 0.0, 0.0);
+    options.seed = 7;
+    orbits::Series series = orbits::simulate(*result.system, values, options).series;
+    series.coordinates.resize(1);
+    series.segments[0].values = series.segments[0].values.row(0).eval();
+    identification::IdentificationProblem problem;
+    problem.system = result.system;
+    problem.experiments.emplace_back();
+    problem.experiments[0].series = std::make_shared<const orbits::Series>(std::move(series));
+    problem.experiments[0].sensor = sensor;
+    for (const auto& [name, start] : {std::pair{"s", 10.1}, std::pair{"r", 27.9}, std::pair{"b", 2.65}})
+        problem.parameters.push_back(identification::free_parameter(*result.system, name, start));
+    problem.series.emplace();
+    problem.series->data = {0};
+    problem.series->interval = interval;
+    result.problem = identification::completed(problem);
+    return result;
+}
+
+identification::SeriesStart start_on(const MatrixXd& course) {
+    identification::SeriesStart start;
+    start.theta = Eigen::Vector3d(10.0, 28.0, 8.0 / 3.0);
+    start.intervals = {static_cast<std::size_t>(interval)};
+    start.nodes = {{course(Eigen::all, Eigen::seq(0, course.cols() - 1, interval))}};
+    start.reading_sds = {{noise}};
+    start.follows = true;
+    return start;
+}
+
+/// The same with x and y turned after the nodes that come nearest to x = y = 0.
+identification::SeriesStart on_wrong_sides(const MatrixXd& course, int places) {
+    identification::SeriesStart start = start_on(course);
+    MatrixXd& nodes = start.nodes[0][0];
+    Eigen::VectorXd near = nodes.topRows(2).colwise().norm();
+    near.head(10).setConstant(1e9);
+    near.tail(10).setConstant(1e9);
+    for (int k = 0; k < places; ++k) {
+        Index at = 0;
+        near.minCoeff(&at);
+        nodes.topRightCorner(2, nodes.cols() - at - 1) *= -1.0;
+        near.segment(at - 5, 11).setConstant(1e9);
+    }
+    return start;
+}
+
+/// Nodes from which on the signs of x and y are not those of the course, or no longer.
+int wrong_places(const MatrixXd& course, const MatrixXd& nodes) {
+    int count = 0;
+    double before = 0.0;
+    for (Index k = 0; k < nodes.cols(); ++k) {
+        const Eigen::VectorXd truth = course.col(k * interval);
+        const double same = (nodes.col(k) - truth).head(2).norm(), other = (nodes.col(k) + truth).head(2).norm();
+        const double side = same < other ? 1.0 : -1.0;
+        if (k > 0 && side != before) ++count;
+        before = side;
+    }
+    return count;
+}
+
+}  // namespace
+
+TEST_CASE("a course on the wrong side of a symmetry is repaired", "[identification][series]") {
+    const Laser data = laser();
+    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
+    identification::SeriesSearch search;
+    search.signs = {{"x", "y"}};
+    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, search);
+    const identification::SeriesAttempt right = attempts.make("truth", start_on(data.course));
+    REQUIRE(right.start.follows);
+    for (const int places : {1, 2}) {
+        CAPTURE(places);
+        const identification::SeriesAttempt wrong = attempts.make("wrong", on_wrong_sides(data.course, places));
+        // No minimisation gets to the other side.
+        REQUIRE(wrong_places(data.course, wrong.start.nodes[0][0]) == places);
+        CHECK(wrong.misfit > right.misfit + 0.1);
+        const identification::SeriesAttempt mended = attempts.on_better_sides(wrong);
+        CHECK(mended.start.follows);
+        CHECK(wrong_places(data.course, mended.start.nodes[0][0]) == 0);
+        const std::array<double, 3> truth{10.0, 28.0, 8.0 / 3.0};
+        for (std::size_t i = 0; i < truth.size(); ++i) {
+            const estimator::Estimated& one = mended.estimate.parameters[i];
+            CAPTURE(one.name, one.value, one.laplace_sd);
+            CHECK(std::abs(one.value - truth[i]) < 4.0 * one.laplace_sd);
+            // The same minimum as from the truth, to a small part of the sd.
+            CHECK(std::abs(one.value - right.estimate.parameters[i].value) < 0.05 * one.laplace_sd);
+        }
+    }
+}
+
+TEST_CASE("a right course is left as it is", "[identification][series]") {
+    const Laser data = laser();
+    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
+    identification::SeriesSearch search;
+    search.signs = {{"x", "y"}};
+    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, search);
+    const identification::SeriesAttempt right = attempts.make("truth", start_on(data.course));
+    const auto repair = identification::repaired_course(data.problem, setup, setup.parameters, search.signs,
+                                                        right.start, right.estimate, search.estimate);
+    CHECK(repair.changed == 0);
+    CHECK((repair.start.nodes[0][0] - right.start.nodes[0][0]).norm() == 0.0);
+}
+
+TEST_CASE("a piece of a record has its own readings", "[identification][series]") {
+    const Laser data = laser();
+    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
+    const identification::SeriesStart start = start_on(data.course);
+    const Index first = 20, count = 8;
+    const MatrixXd nodes = start.nodes[0][0].middleCols(first, count);
+    const auto piece = identification::shooting_piece(data.problem, setup, start, {0, 0, first}, nodes);
+    REQUIRE(std::ssize(piece->layout()) == count);
+    const auto set = piece->initial_set();
+    CHECK(set.groups[0].scale.value == noise);
+    CHECK_FALSE(set.groups[0].scale.estimate);
+    const auto values = piece->evaluate(set, start.theta, piece->initial_latents(), true);
+    const auto& read = data.problem.experiments[0].series->segments[0].values;
+    for (Index k = 0; k < count; ++k) {
+        const double x = nodes(0, k);
+        const double expected = read(0, (first + k) * interval) - (gain * x * x + offset);
+        CHECK_THAT(values[static_cast<std::size_t>(k)].e[0], WithinAbs(expected, 1e-12));
+    }
+    // Evaluations of the same cost the same.
+    const std::uint64_t before = piece->work();
+    (void)piece->evaluate(set, start.theta, piece->initial_latents(), true);
+    const std::uint64_t once = piece->work() - before;
+    (void)piece->evaluate(set, start.theta, piece->initial_latents(), true);
+    CHECK(once > 0);
+    CHECK(piece->work() - before == 2 * once);
+}
+
+TEST_CASE("an attempt ends where it would cost too much", "[identification][series]") {
+    const Laser data = laser();
+    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
+    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, {});
+    attempts.limit(1, 1000000);
+    const identification::SeriesAttempt one = attempts.make("costly", start_on(data.course));
+    CHECK(one.cut);
+    CHECK(one.estimate.status == estimator::EstimateStatus::interrupted);
+    CHECK_FALSE(one.start.follows);
+    CHECK(attempts.work() > 1);
+}
+
+}  // namespace course_repair_test
