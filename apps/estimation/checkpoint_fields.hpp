@@ -255,7 +255,8 @@ inline void fields(Archive& archive, ComparisonResult& value) {
 }
 
 inline void fields(Archive& archive, SeriesStart& value) {
-    auto& [theta, intervals, nodes, reading_sds, follows, doubtful, affordable, attempts, iterations, evaluations] = value;
+    auto& [theta, intervals, nodes, reading_sds, follows, doubtful, affordable, attempts, iterations, evaluations] =
+        value;
     archive(theta, intervals, nodes, reading_sds, follows, doubtful, affordable, attempts, iterations, evaluations);
 }
 

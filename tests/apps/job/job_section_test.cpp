@@ -94,8 +94,8 @@ TEST_CASE("what cycles of autonomous flows cannot be is refused", "[apps][job]")
                     keys + " } ] }");
     };
     const std::string at = "/estimate/residuals/0";
-    CHECK(problems(of_cycles("")).empty());
-    CHECK(problems(of_cycles(R"(, "positions": false, "errors": { "time": { "sd": 2 } })")).empty());
+    CHECK(tests::problems(of_cycles("")).empty());
+    CHECK(tests::problems(of_cycles(R"(, "positions": false, "errors": { "time": { "sd": 2 } })")).empty());
     check_only(of_cycles(R"(, "positions": false, "times": false)"), at + "/positions: must be true");
     check_only(of_cycles(R"(, "errors": { "z": { "sd": 0.1 } })"), at + "/errors/z: \"z\" is not observed");
     check_only(of_cycles(R"(, "times": false, "errors": { "time": { "sd": 2 } })"),
