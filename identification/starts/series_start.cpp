@@ -95,7 +95,7 @@ struct AffordableWork {
     std::uint64_t first, other, all;
 };
 
-/// Some 20 to 40 s of one processor in all for a record of some thousands of readings, and 300 steps of the integrator
+/// Some 15 to 60 s of one processor in all for a record of some thousands of readings, and 300 steps of the integrator
 /// per reading for a long one. A third of that is 45 iterations with two steps per reading.
 AffordableWork affordable_work(const IdentificationProblem& problem, std::size_t parameters) {
     constexpr double least = 2e7, steps = 300.0;
