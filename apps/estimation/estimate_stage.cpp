@@ -225,6 +225,7 @@ public:
         context.evidence.reason = "there is no estimate";
         if (!cycles_.cycles.empty()) count_cycles(cycles_, context);
         const orbits::CycleSearch& search = cycles_.cycles.empty() ? problem_.measured.search : cycles_;
+        context.cycles_share_errors = best.residuals.cycles && problem_.measured.shares_unknown_errors(search.cycles);
         const std::vector<ResidualRow> rows = describe_records(work_, problem_, setup_, search, best, context);
         context.unexplained = unexplained_spread(rows);
         work_.folder.store("residuals.csv", residuals_text(rows, asking_));

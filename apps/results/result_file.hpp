@@ -67,6 +67,7 @@ struct ResultContext {
     std::vector<Prediction> predictions;
     std::map<int, std::size_t> orbits_found;  ///< period -> cycles
     std::vector<int> orbits_missing;
+    bool cycles_share_errors = false;  ///< the estimate uses cycles whose common errors are not known
     std::size_t data_points = 0;
     std::size_t data_segments = 0;
     std::vector<Capture> captured;

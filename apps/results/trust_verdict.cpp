@@ -196,6 +196,9 @@ void judge_scales(const estimator::Estimate& estimate, const ResultContext& cont
 }
 
 void judge_model(const ResultContext& context, Reasons& reasons) {
+    if (context.cycles_share_errors)
+        reasons.values.push_back(
+            "points and times of the cycles share errors that are not known; add a stage of type series");
     for (const auto& matching : context.strategy.matching) {
         // Those that the errors of matching explain are no fault.
         const double share =

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <functional>
 #include <memory>
@@ -59,6 +60,11 @@ struct MeasuredCycles {
 
     [[nodiscard]] orbits::SectionPlace place() const {
         return plane ? orbits::SectionPlace(*plane) : orbits::SectionPlace(section_phase);
+    }
+    /// Whether points and times of these cycles share errors that are not known: those of autonomous flows do.
+    [[nodiscard]] bool shares_unknown_errors(const std::vector<orbits::Cycle>& cycles) const {
+        return plane && std::none_of(cycles.begin(), cycles.end(),
+                                     [](const orbits::Cycle& cycle) { return cycle.common.size() > 0; });
     }
 };
 

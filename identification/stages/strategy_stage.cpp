@@ -57,9 +57,7 @@ std::unique_ptr<orbits::CycleResidual> cycle_residual(const StageInput& input,
                                                       const orbits::CycleTargetOptions& targets,
                                                       const Eigen::VectorXd& start,
                                                       const std::vector<Eigen::MatrixXd>& nodes) {
-    const auto shares_errors = [](const orbits::Cycle& cycle) { return cycle.common.size() > 0; };
-    if (input.problem.measured.plane &&
-        std::none_of(input.search.cycles.begin(), input.search.cycles.end(), shares_errors))
+    if (input.problem.measured.shares_unknown_errors(input.search.cycles))
         input.observer.remark(
             "cycles: errors that their points and times share are not known: intervals may be several times too small; "
             "a stage of type series from here has intervals that hold");
