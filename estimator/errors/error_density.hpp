@@ -10,7 +10,8 @@
 
 #include "models/arithmetic/dual.hpp"
 
-/// Matrices of dual numbers.
+/// @cond
+// Matrices of dual numbers.
 template <>
 struct Eigen::NumTraits<orbid::models::Dual<1>> : Eigen::NumTraits<double> {
     using Real = orbid::models::Dual<1>;
@@ -18,6 +19,7 @@ struct Eigen::NumTraits<orbid::models::Dual<1>> : Eigen::NumTraits<double> {
     using Nested = Real;
     enum { ReadCost = 2, AddCost = 2, MulCost = 4 };
 };
+/// @endcond
 
 namespace orbid::estimator::detail {
 
