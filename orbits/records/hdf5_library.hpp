@@ -124,27 +124,30 @@ private:
     herr_t (*close_)(hid_t) = nullptr;
 };
 
-/// Reads or writes a dataset of numbers some 16 MB at a time, in order, and asks in between.
-/// @param shape  of the dataset, the first extent is divided
+/// Reads or writes rows of a dataset of numbers some 16 MB at a time, in order, and asks in between.
+/// @param first  the first row
+/// @param shape  of what is transferred: the number of rows, then the further extents of the dataset
 /// @return false as soon as a transfer fails.
 /// @throws models::Stopped
 template <class Number, class Transfer>
-[[nodiscard]] bool transfer_in_blocks(const Hdf5Handle& dataset, const std::vector<hsize_t>& shape, Number* numbers,
-                                      const std::function<bool()>& interrupted, const Transfer& transfer) {
+[[nodiscard]] bool transfer_in_blocks(const Hdf5Handle& dataset, hsize_t first, const std::vector<hsize_t>& shape,
+                                      Number* numbers, const std::function<bool()>& interrupted,
+                                      const Transfer& transfer) {
     constexpr hsize_t block = 1 << 21;
     const hsize_t row = shape.size() > 1 ? shape[1] : 1;
     const hsize_t rows = std::max<hsize_t>(block / std::max<hsize_t>(row, 1), 1);
     const Hdf5Handle file_space(H5Dget_space(dataset.id()), H5Sclose);
     std::vector<hsize_t> start(shape.size(), 0);
     std::vector<hsize_t> count = shape;
-    for (; start[0] < shape[0]; start[0] += rows) {
+    for (hsize_t done = 0; done < shape[0]; done += rows) {
         models::stop_if_asked(interrupted);
-        count[0] = std::min(rows, shape[0] - start[0]);
+        start[0] = first + done;
+        count[0] = std::min(rows, shape[0] - done);
         const Hdf5Handle memory_space(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr),
                                       H5Sclose);
         if (H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) < 0 ||
             transfer(dataset.id(), H5T_NATIVE_DOUBLE, memory_space.id(), file_space.id(), H5P_DEFAULT,
-                     numbers + start[0] * row) < 0)
+                     numbers + done * row) < 0)
             return false;
     }
     return true;

@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <span>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -158,30 +157,15 @@ public:
                   best_deflate);
     }
 
-    /// A whole dataset of numbers.
-    void values(const Hdf5Handle& dataset, const std::string& path, std::span<double> values) const {
-        const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
-        if (H5Tget_class(type.id()) != H5T_FLOAT) fail(fmt::format("dataset \"{}\" must hold floating numbers", path));
-        if (values.empty()) return;
-        errno = 0;
-        if (!transfer_in_blocks(dataset, shape(dataset), values.data(), interrupted_, H5Dread))
-            fail(fmt::format("dataset \"{}\" cannot be read", path), damaged);
-    }
-
     /// `count` rows from `first` on, of a dataset of this shape.
     void rows(const Hdf5Handle& dataset, const std::string& path, std::vector<hsize_t> shape, hsize_t first,
               hsize_t count, double* values) const {
         const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
         if (H5Tget_class(type.id()) != H5T_FLOAT) fail(fmt::format("dataset \"{}\" must hold floating numbers", path));
         if (count == 0) return;
-        std::vector<hsize_t> start(shape.size(), 0);
-        start[0] = first;
         shape[0] = count;
-        const Hdf5Handle there(H5Dget_space(dataset.id()), H5Sclose);
-        const Hdf5Handle here(H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), H5Sclose);
         errno = 0;
-        if (H5Sselect_hyperslab(there.id(), H5S_SELECT_SET, start.data(), nullptr, shape.data(), nullptr) < 0 ||
-            H5Dread(dataset.id(), H5T_NATIVE_DOUBLE, here.id(), there.id(), H5P_DEFAULT, values) < 0)
+        if (!transfer_in_blocks(dataset, first, shape, values, interrupted_, H5Dread))
             fail(fmt::format("dataset \"{}\" cannot be read", path), damaged);
     }
 

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "orbits/records/hdf5_objects.hpp"
+#include "orbits/records/series_file.hpp"
 #include "orbits/records/series_stream.hpp"
 
 namespace orbid::orbits {
@@ -39,6 +40,12 @@ public:
     [[nodiscard]] const Series& header() const override { return header_; }
     [[nodiscard]] const std::vector<std::size_t>& lengths() const override { return lengths_; }
     [[nodiscard]] bool timed() const override { return timed_; }
+
+    /// Of all segments.
+    /// @throws DataError if there are fewer
+    void need(std::size_t points) const {
+        if (size() < points) read_.fail(fmt::format("has {} points, at least {} are needed", size(), points));
+    }
 
     [[nodiscard]] std::vector<Segment> read(std::size_t first, std::size_t count) const override {
         models::stop_if_asked(interrupted_);
@@ -103,6 +110,15 @@ private:
 
 std::unique_ptr<SeriesStream> stream_hdf5(const std::filesystem::path& file, std::function<bool()> interrupted) {
     return std::make_unique<Hdf5Stream>(file, std::move(interrupted));
+}
+
+Series read_hdf5(const std::filesystem::path& file, std::size_t minimum_points,
+                 const std::function<bool()>& interrupted) {
+    const Hdf5Stream stream(file, interrupted);
+    stream.need(minimum_points);
+    Series series = stream.header();
+    series.segments = stream.read(0, stream.size());
+    return series;
 }
 
 }  // namespace orbid::orbits

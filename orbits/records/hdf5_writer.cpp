@@ -75,7 +75,7 @@ public:
         Hdf5Handle made = checked(
             H5Dcreate2(group, name.c_str(), H5T_IEEE_F64LE, space.id(), H5P_DEFAULT, properties.id(), H5P_DEFAULT),
             H5Dclose, name);
-        if (!transfer_in_blocks(made, shape, data, interrupted_, H5Dwrite)) fail(name);
+        if (!transfer_in_blocks(made, 0, shape, data, interrupted_, H5Dwrite)) fail(name);
         return made;
     }
 

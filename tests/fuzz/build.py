@@ -23,7 +23,7 @@ SANITIZERS = ["-fsanitize=fuzzer-no-link,address,undefined", "-fno-sanitize=null
 READING = {
     "models/formulas": ["expression", "expression_graph", "expression_derivative"],
     "models/equations": ["equation_reader", "equation_switching", "equation_text", "equations"],
-    "orbits/records": ["csv_file", "data_file", "hdf5_reader", "nearest_name", "record_part", "text_table"],
+    "orbits/records": ["csv_file", "data_file", "hdf5_stream", "nearest_name", "record_part", "text_table"],
     "apps/documents": ["fingerprint", "json_document", "json_reader", "json_value", "printable", "schema_check"],
     "apps/job/reading": ["job_reader"],
     "apps/results": ["branch_file", "cycle_reader", "orbit_file"],
