@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <ostream>
+#include <span>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -25,6 +26,7 @@
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/progress.hpp"
 #include "apps/stages/recorded_series.hpp"
+#include "apps/stages/state_size.hpp"
 #include "apps/stored_run/forecast.hpp"
 #include "apps/stored_run/motion_results.hpp"
 #include "apps/stored_run/prediction_job.hpp"
@@ -206,7 +208,7 @@ int predict_run(const CommandCall& call) {
             progress.within({});
             return predict_motions_of(call, run, data);
         }
-        const PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
+        PredictionJob job = prediction_job(run, data, call.value("inputs", ""), call.value("experiment", ""));
         const std::filesystem::path out = prediction_folder(call, run, data);
         const nlohmann::json document = nlohmann::json::parse(job_document(job.stored, out, versions()).dump());
         OutputFolder folder(out, document, job_text(job.stored, out, versions()), call.has("force"));
@@ -214,6 +216,8 @@ int predict_run(const CommandCall& call) {
         Experiment record;
         record.series = recorded_series(job.stored, 0);
         record.inputs = by_segment(load_inputs(job.stored, job.stored.data[0]), record.series.segments);
+        job.stored.model.system =
+            job.stored.model.system->with_state_size(state_size(job.stored, std::span(&record, 1)));
         const std::size_t readings = record.series.size();
         record.series = covered_by_inputs(job.stored, std::move(record.series), record.inputs);
         if (record.series.size() < readings)

@@ -35,6 +35,7 @@
 #include "apps/stages/orbits_stage.hpp"
 #include "apps/stages/periodic_stage.hpp"
 #include "apps/stages/progress.hpp"
+#include "apps/stages/state_size.hpp"
 #include "apps/stages/workspace.hpp"
 #include "identification/starts/derivative_self_check.hpp"
 #include "models/system/stopped.hpp"
@@ -81,8 +82,9 @@ std::string result_without_estimate() {
 }
 
 /// Runs the stages that the command and the job name; the exit code is the worst of theirs.
-int run_stages(const Workspace& work, const Console& console, bool coloured) {
-    const Job& job = work.job;
+///
+/// @param job  that of `work`, whose states take their size from the records
+int run_stages(const Workspace& work, Job& job, const Console& console, bool coloured) {
     const bool estimating = wants(work.options, Stage::estimate) && job.estimate;
     const bool from_cycles =
         estimating && (job.estimate->cycles || (job.estimate->waveform && job.estimate->waveform->of_cycles));
@@ -95,6 +97,7 @@ int run_stages(const Workspace& work, const Console& console, bool coloured) {
 
     std::vector<Experiment> data;
     if (loading) data = load_data(work);
+    job.model.system = job.model.system->with_state_size(state_size(job, data));
 
     JobCycles cycles;
     if (searching && !work.interruption.asked()) {
@@ -175,11 +178,12 @@ int run_signed(Job job, const RunOptions& options, const Console& console, std::
                                  options.out.string()));
     RunStop stop(interruption);
     const Workspace work{job, options, document, progress, interruption, folder, stop};
-    job.model.system = job.model.system->with_stop(work.asking());
+    job.model.system = job.model.system->with_stop(work.asking())->with_state_size(state_size(job, {}));
     int code = ended_by_signal;
     try {
-        code = with_thread_limit(options.threads, console,
-                                 [&] { return run_stages(work, console, is_coloured(color, console.out_terminal)); });
+        code = with_thread_limit(options.threads, console, [&] {
+            return run_stages(work, job, console, is_coloured(color, console.out_terminal));
+        });
     } catch (const models::Stopped&) {
         progress.end("interrupted");
         if (const std::string last = stop.result(); !last.empty()) folder.store("result.json", last);

@@ -1,6 +1,7 @@
 #include "apps/stages/data_stage.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
 
@@ -217,6 +218,22 @@ Experiment measured(const Workspace& work, std::size_t index) {
     return experiment;
 }
 
+/// Sums of squares must neither overflow nor vanish.
+void refuse_beyond_squares(const orbits::Series& series, const std::string& name) {
+    constexpr double most = 1e100;
+    for (Eigen::Index i = 0; i < series.dimension(); ++i) {
+        double largest = 0.0;
+        for (const orbits::Segment& segment : series.segments)
+            for (const double value : segment.values.row(i))
+                if (std::isfinite(value)) largest = std::max(largest, std::abs(value));
+        if (largest == 0.0 || (largest <= most && largest >= 1.0 / most)) continue;
+        throw orbits::DataError(fmt::format(
+            "{}: the largest reading of {} is {:.3g}, whose square a computer's number does not hold; use a unit in "
+            "which it lies between 1e-100 and 1e100",
+            name, series.coordinate(i).name, largest));
+    }
+}
+
 }  // namespace
 
 std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index, const std::filesystem::path& folder,
@@ -229,8 +246,10 @@ std::optional<orbits::Series> simulated_series(const Job& job, std::size_t index
 
 std::vector<Experiment> load_data(const Workspace& work) {
     std::vector<Experiment> experiments;
-    for (std::size_t i = 0; i < work.job.data.size(); ++i)
+    for (std::size_t i = 0; i < work.job.data.size(); ++i) {
         experiments.push_back(work.job.data[i].simulation ? simulated(work, i) : measured(work, i));
+        refuse_beyond_squares(experiments.back().series, work.job.data[i].name);
+    }
     return experiments;
 }
 

@@ -33,7 +33,7 @@ enum class FlowStatus {
 
 struct FlowOptions {
     double relative_tolerance = 1e-12;    ///< local error per step relative to the state, > 0
-    double absolute_tolerance = 1e-12;    ///< local error per step, in the coordinate's unit, > 0
+    double absolute_tolerance = 1e-12;    ///< local error per step, in System::state_size(), > 0
     std::size_t maximum_steps = 1000000;  ///< accepted and rejected steps of one call, > 0
     /// Asked once per step; if it says so, the call throws Stopped. It outlives the call; nullptr: never asked.
     const std::function<bool()>* interrupted = nullptr;

@@ -109,7 +109,7 @@ public:
                                                 [[maybe_unused]] std::span<const std::ptrdiff_t> free) const override {
         if constexpr (FlowPackModel<M>) {
             // Sums in packs are rounded without correction; single flows carry the rounding error along.
-            if (std::min(starts.options.relative_tolerance, starts.options.absolute_tolerance) >= 1e-13)
+            if (starts.options.relative_tolerance >= 1e-13)
                 return std::make_unique<PackedFlows<M>>(*this, starts, durations, free, model_);
         }
         return nullptr;

@@ -88,7 +88,8 @@ FlowError flow_error(const System& system, const FlowOptions& options, const Flo
             const double growth = (base.sensitivity(k, directions).row(i).head(n).cwiseAbs() * sizes.head(n)).value();
             const double rounding = std::numeric_limits<double>::epsilon() *
                                     (std::abs(base.states(i, k)) + (std::isfinite(growth) ? growth : 0.0));
-            const double tolerance = system.kind() == Kind::map ? 0.0 : options.absolute_tolerance;
+            const double tolerance =
+                system.kind() == Kind::map ? 0.0 : options.absolute_tolerance * system.state_size();
             double& e = error.states(i, k);
             e = std::max({e, k > 0 ? error.states(i, k - 1) : 0.0, tolerance + 10.0 * rounding});
         }

@@ -164,7 +164,7 @@ ReadingResult KernelSystem::readings(const Sensor& sensor, const Eigen::MatrixXd
             FlowStatus& here = status[static_cast<std::size_t>(k)];
             if (sensor.type == Sensor::Type::angle_difference)
                 here = difference_quotient(*this, *kernel_, sensor, states.col(k), phases[static_cast<std::size_t>(k)],
-                                           theta, free, asking(options), reading, derivative);
+                                           theta, free, options, reading, derivative);
             if (functions)
                 here = functions->read(states.col(k), input_at(phases[static_cast<std::size_t>(k)], input), reading,
                                        derivative);

@@ -80,7 +80,14 @@ std::optional<Eigen::Index> KernelSystem::forcing_frequency() const {
 bool KernelSystem::at_rest(const Eigen::VectorXd& state, const Eigen::VectorXd& theta) const {
     check_parameters(*this, theta);
     check_state(*this, state);
-    return kernel_->at_rest(state.data(), theta.data());
+    if (!kernel_->at_rest(state.data(), theta.data())) return false;
+    // Friction that holds the state is none of size. What else stands still was judged by rates of states of size 1.
+    if (state_size_ >= 1.0 || !smooth(theta)) return true;
+    const std::vector<double> phases{0.0, 2.0, 4.0};
+    Eigen::MatrixXd rates = rhs(state.replicate(1, std::ssize(phases)), phases, theta);
+    if (kind() == Kind::map) rates.colwise() -= state;
+    constexpr double rest = 1e-12;
+    return ((rates.cwiseAbs().array().colwise() / (state_size_ + state.array().abs())) <= rest).all();
 }
 
 Eigen::MatrixXd KernelSystem::rhs(const Eigen::MatrixXd& states, std::span<const double> phases,
@@ -117,7 +124,7 @@ Eigen::MatrixXd KernelSystem::rhs_derivatives(const Eigen::MatrixXd& states, std
 FlowStart KernelSystem::start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,
                                  const FlowOptions& options) const {
     require_input();
-    return {x0.data(), phase, theta.data(), clock, asking(options), signal_.get()};
+    return {x0.data(), phase, theta.data(), clock, for_kernel(options), signal_.get()};
 }
 
 FlowResult KernelSystem::flow(const Eigen::VectorXd& x0, double phase, std::span<const double> durations,
@@ -151,7 +158,7 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
     if (total == 0) return {};
     check_flow(*this, starts.col(0), phases[0], durations, theta, free.value_or(std::span<const Eigen::Index>{}), clock,
                options);
-    const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, asking(options)};
+    const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, for_kernel(options)};
     // Packs that share their steps do not count them as they go, and there are some thousand of them at most.
     constexpr std::size_t smallest_budget = 10000;
     const auto batch = options.maximum_steps < smallest_budget
@@ -253,7 +260,7 @@ EnsembleResult KernelSystem::ensemble(const Eigen::MatrixXd& starts, double phas
     const auto threads = static_cast<std::size_t>(oneapi::tbb::this_task_arena::max_concurrency());
     const std::size_t most = kernel_->ensemble_block();
     const std::size_t block = std::clamp((count + threads - 1) / threads, std::min(most, std::size_t{4}), most);
-    const FlowOptions asked = asking(options);
+    const FlowOptions asked = for_kernel(options);
     oneapi::tbb::parallel_for(std::size_t{0}, (count + block - 1) / block, [&](std::size_t b) {
         const std::size_t first = b * block, size = std::min(block, count - first);
         kernel_->ensemble(starts.data() + first * static_cast<std::size_t>(starts.rows()), size, phase, periods,

@@ -30,6 +30,8 @@ public:
     std::span<const Coordinate> inputs() const override { return kernel_->inputs(); }
     std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const override;
     std::shared_ptr<const System> with_stop(std::function<bool()> interrupted) const override;
+    std::shared_ptr<const System> with_state_size(double size) const override;
+    double state_size() const override { return state_size_; }
     bool smooth(const Eigen::VectorXd& theta) const override;
     double period(const Eigen::VectorXd& theta, Clock clock) const override;
     std::optional<Eigen::Index> forcing_frequency() const override;
@@ -66,7 +68,8 @@ public:
 private:
     [[nodiscard]] FlowStart start_of(const Eigen::VectorXd& x0, double phase, const Eigen::VectorXd& theta, Clock clock,
                                      const FlowOptions& options) const;
-    [[nodiscard]] FlowOptions asking(FlowOptions options) const;
+    /// What the kernel gets: with the question of with_stop(), and tolerances for states of state_size().
+    [[nodiscard]] FlowOptions for_kernel(FlowOptions options) const;
     [[nodiscard]] const double* input_at(double phase, std::vector<double>& values) const;
     void require_input() const;
     void require_autonomous() const;
@@ -74,6 +77,7 @@ private:
     std::shared_ptr<const Kernel> kernel_;
     std::shared_ptr<const InputSignal> signal_;
     std::function<bool()> interrupted_;
+    double state_size_ = 1.0;
 };
 
 }  // namespace orbid::models

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <memory>
 #include <stdexcept>
 #include <utility>
@@ -24,7 +25,17 @@ std::shared_ptr<const System> KernelSystem::with_stop(std::function<bool()> inte
     return system;
 }
 
-FlowOptions KernelSystem::asking(FlowOptions options) const {
+std::shared_ptr<const System> KernelSystem::with_state_size(double size) const {
+    if (!(std::isfinite(size) && size > 0.0))
+        throw std::invalid_argument(
+            fmt::format("model {}: the size of its states is {}, must be finite and > 0", name(), size));
+    auto system = std::make_shared<KernelSystem>(*this);
+    system->state_size_ = size;
+    return system;
+}
+
+FlowOptions KernelSystem::for_kernel(FlowOptions options) const {
+    options.absolute_tolerance *= state_size_;
     if (options.interrupted == nullptr && interrupted_) options.interrupted = &interrupted_;
     return options;
 }

@@ -16,7 +16,7 @@ std::string_view description(FlowStatus status) {
         case FlowStatus::ok:
             return "ok";
         case FlowStatus::step_budget:
-            return "the step budget was spent";
+            return "the step budget was spent; slow and fast scales far apart need a model that says \"stiff\": true";
         case FlowStatus::not_finite:
             return "the state left the range of finite numbers";
         case FlowStatus::grazing:
@@ -53,6 +53,10 @@ std::shared_ptr<const System> System::with_input(std::shared_ptr<const InputSign
 
 std::shared_ptr<const System> System::with_stop(std::function<bool()> /*interrupted*/) const {
     not_offered(*this, "a question whether to stop");
+}
+
+std::shared_ptr<const System> System::with_state_size(double /*size*/) const {
+    not_offered(*this, "a size of its states");
 }
 
 std::vector<FlowResult> System::flows(const Eigen::MatrixXd& starts, std::span<const double> phases,

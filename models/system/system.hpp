@@ -112,6 +112,10 @@ public:
     [[nodiscard]] virtual std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const;
     /// The same model, which asks `interrupted` once per step of all its flows and throws Stopped when it says so.
     [[nodiscard]] virtual std::shared_ptr<const System> with_stop(std::function<bool()> interrupted) const;
+    /// The same model for states of about this size, in the coordinates' units: absolute tolerances count in it.
+    /// @throws std::invalid_argument unless size is finite and > 0
+    [[nodiscard]] virtual std::shared_ptr<const System> with_state_size(double size) const;
+    [[nodiscard]] virtual double state_size() const { return 1.0; }
     /// Neither f nor the state jumps at these parameters: finite differences and collocation apply.
     [[nodiscard]] virtual bool smooth(const Eigen::VectorXd& theta) const = 0;
     /// Period of the forcing in the given clock: 2 pi rad, or 2 pi / omega s. Throws std::logic_error unless forced.

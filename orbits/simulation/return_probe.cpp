@@ -126,7 +126,7 @@ Eigen::VectorXd typical_range(const models::System& system, const Eigen::VectorX
     constexpr std::size_t periods = 64;
     constexpr std::size_t looks = 256;  // instants at which a system without sections is looked at
     const Eigen::Index n = system.dimension();
-    const Eigen::MatrixXd starts = probe_starts(system, Eigen::VectorXd::Ones(n), seed);
+    const Eigen::MatrixXd starts = probe_starts(system, Eigen::VectorXd::Constant(n, system.state_size()), seed);
     Eigen::VectorXd range = Eigen::VectorXd::Zero(n);
     if (system.kind() == models::Kind::autonomous) {
         const std::vector<double> durations = instants_until(duration, looks);

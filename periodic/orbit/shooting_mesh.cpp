@@ -40,7 +40,7 @@ double ln_growth(const MatrixXd& x) {
 
 double time_scale(const models::System& system, const VectorXd& theta, const VectorXd& x) {
     const VectorXd f = system.rhs(x, std::vector<double>{0.0}, theta);
-    return std::max(x.norm(), 1.0) / std::max(f.norm(), 1e-6);
+    return std::max(x.norm(), system.state_size()) / std::max(f.norm(), 1e-6 * system.state_size());
 }
 
 /// A crossing within this fraction of the next return is the start itself, which rounding has put before the plane.

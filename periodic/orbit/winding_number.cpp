@@ -18,13 +18,13 @@ VectorXd default_scale(const models::System& system, const MatrixXd& guess) {
     // A coordinate smaller than this fraction of the others is a rounded zero: its size is meaningless.
     constexpr double rounded_zero = 1e-12;
     VectorXd scale = guess.cwiseAbs().rowwise().maxCoeff();
-    // Or of one unit: an equilibrium at 0 is found as 1e-17 in every coordinate.
-    const double largest = std::max(1.0, scale.maxCoeff());
+    // Or of a usual state: an equilibrium at 0 is found as 1e-17 in every coordinate.
+    const double largest = std::max(system.state_size(), scale.maxCoeff());
     for (Index i = 0; i < scale.size(); ++i) {
         if (system.coordinates()[static_cast<std::size_t>(i)].angle) {
             scale(i) = full_turn;
         } else if (!(scale(i) > rounded_zero * largest)) {
-            scale(i) = 1.0;
+            scale(i) = system.state_size();
         }
     }
     return scale;

@@ -11,8 +11,8 @@ namespace orbid::periodic {
 /// Indices of the coordinates that are angles.
 [[nodiscard]] std::vector<Index> angle_coordinates(const models::System& system);
 
-/// 2 pi for angles, the largest |guess| for the others. 1 where that is zero, or a rounded zero beside 1 or the largest
-/// coordinate. Shape (n).
+/// 2 pi for angles, the largest |guess| for the others. System::state_size() where that is zero, or a rounded zero
+/// beside it or the largest coordinate. Shape (n).
 [[nodiscard]] VectorXd default_scale(const models::System& system, const MatrixXd& guess);
 
 /// Whole turns from each node to the next: the nearest ones for the flow of the guess. Where the wanted total differs,

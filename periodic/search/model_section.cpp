@@ -33,7 +33,7 @@ MatrixXd random_states(const VectorXd& range, std::uint64_t seed, std::uint64_t 
 }
 
 VectorXd unit_range(const models::System& system) {
-    VectorXd range = VectorXd::Ones(system.dimension());
+    VectorXd range = VectorXd::Constant(system.dimension(), system.state_size());
     for (const Index i : angle_coordinates(system))
         range(i) = std::numbers::pi;
     return range;
@@ -131,13 +131,14 @@ double longest_return(const models::System& system, const VectorXd& theta,
                       const models::FlowOptions& flow) {
     if (system.kind() != models::Kind::autonomous) return 1.0;
     constexpr std::size_t tried = 8;
+    const double size = system.state_size();
     std::vector<double> returns;
     const MatrixXd starts = random_states(unit_range(system), seed, 0, tried);
     for (Index k = 0; k < starts.cols(); ++k) {
         const VectorXd x = starts.col(k);
         const VectorXd f = system.rhs(x, std::vector<double>{0.0}, theta);
         // |x| / |f| is a time of the motion; a thousand of them hold several returns, where there are any.
-        const double longest = 1e3 * std::max(x.norm(), 1.0) / std::max(f.norm(), 1e-3);
+        const double longest = 1e3 * std::max(x.norm(), size) / std::max(f.norm(), 1e-3 * size);
         const auto found = system.crossings(x, *section, 8, longest, theta, std::nullopt, flow);
         for (Index j = 1; j < found.times.size(); ++j)
             returns.push_back(found.times(j) - found.times(j - 1));

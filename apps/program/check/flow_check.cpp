@@ -16,6 +16,7 @@
 #include "apps/results/summary_table.hpp"
 #include "apps/stages/data_stage.hpp"
 #include "apps/stages/recorded_series.hpp"
+#include "apps/stages/state_size.hpp"
 #include "models/trajectories/odeint/odeint_kernel.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/simulation/initial_state.hpp"
@@ -148,7 +149,9 @@ FlowCheck check_flows(const Job& job) {
         if (const std::string why = odeint_refusal(job); !why.empty()) throw std::invalid_argument(why);
         own = job.model.system;
     }
-    const auto other = models::odeint_system(*own);
+    const double size = state_size(job, {});
+    const auto other = models::odeint_system(*own)->with_state_size(size);
+    own = own->with_state_size(size);
     const Eigen::VectorXd theta = starting_parameters(job);
     std::vector<Eigen::Index> free;
     if (job.estimate)

@@ -17,6 +17,7 @@
 #include "apps/job/periodic_job.hpp"
 #include "apps/program/check/point_time.hpp"
 #include "apps/stages/periodic_stage.hpp"
+#include "apps/stages/state_size.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
@@ -214,6 +215,7 @@ std::vector<FlowRate> measured_rates(const Job& asked, const DataCheck& data) {
     Job job = asked;
     // As a run would; what has to be compiled first is measured as it is interpreted.
     if (!is_compiled_first(job)) (void)settle_evaluation(job);
+    job.model.system = job.model.system->with_state_size(state_size(job, data.experiments));
     std::vector<FlowRate> rates(job.data.size());
     for (std::size_t i = 0; i < job.data.size(); ++i) {
         FlowRate& rate = rates[i];
