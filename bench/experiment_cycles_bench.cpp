@@ -177,9 +177,11 @@ orbits::ModelGuidedSearch reap(const Experiment& experiment, const Result& resul
     return model_guided_search(experiment.series, *experiment.system, result.theta, known, options);
 }
 
-std::vector<orbits::Cycle> joined(const std::vector<orbits::Cycle>& known, std::vector<orbits::Cycle> more) {
+std::vector<orbits::Cycle> joined(const std::vector<orbits::Cycle>& known, const orbits::ModelGuidedSearch& more) {
     std::vector<orbits::Cycle> all = known;
-    for (orbits::Cycle& cycle : more) {
+    for (std::size_t c = 0; c < all.size(); ++c)
+        all[c].common = c < more.known_common.size() ? more.known_common[c] : Eigen::MatrixXd();
+    for (orbits::Cycle cycle : more.cycles) {
         if (cycle.mirror) *cycle.mirror += known.size();
         all.push_back(std::move(cycle));
     }
@@ -234,7 +236,7 @@ void tables(double noise, std::uint64_t seeds, std::uint64_t first, std::uint64_
         const auto more = reap(experiment, four, cycles);
         print(more, seconds_since(again));
         print_truth("harvested", experiment, more.cycles);
-        const auto all = joined(cycles, more.cycles);
+        const auto all = joined(cycles, more);
         const Result four_more = estimate(experiment, all, table_four),
                      five_more = estimate(experiment, all, table_five);
         print("table IV, harvest", four_more);
@@ -261,7 +263,7 @@ void clean_harvest() {
     const auto more = reap(experiment, before, cycles);
     print(more, seconds_since(start));
     print_truth("harvested", experiment, more.cycles);
-    print("table III, harvest", estimate(experiment, joined(cycles, more.cycles), together));
+    print("table III, harvest", estimate(experiment, joined(cycles, more), together));
 }
 
 }  // namespace

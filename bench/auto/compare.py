@@ -87,7 +87,7 @@ def main():
                     # Another orbit than the one asked for has other multipliers altogether.
                     theirs.append((time, *errors) if errors[0] < 0.05 else None)
                 print(f"{cycle[0]:6d}  {len(mine):6d} |", summary(mine), "|", summary(theirs))
-                print_ratio(f"a cycle of period {cycle[0]}, multiplier {float(cycle[1]):.3g}",
+                print_ratio(f"a cycle of period {cycle[0]} at phi {float(cycle[2]):.2f}, multiplier {float(cycle[1]):.3g}",
                             f"AUTO-07p, NTST {setting}", mine, theirs)
     return 0
 
