@@ -17,15 +17,15 @@ from ._orbid import (BifurcationDiagram, Branch, BranchPoint, Coordinate, Crossi
 from .campaign_run import Campaign, CampaignProgress, campaign, open_campaign
 from .equation import equations
 from .identification import identify
-from .job import JobError, Problem, ResultEntry, Run, check, run, stored_run
+from .job import JobError, Problem, ResultEntry, Run, Verdict, check, run, stored_run
 from .least_squares import LeastSquares
 
 __all__ = ["BifurcationDiagram", "Branch", "BranchPoint", "Campaign", "CampaignProgress", "Coordinate", "Crossings",
-           "Cycle", "CycleResidual", "CycleSearch", "DataError", "Ensemble", "Estimate", "Estimated", "EstimatedScale",
-           "Flow", "FoundOrbit", "Identification", "JobError", "LeastSquares", "OrbitSearch", "Parameter",
-           "PeriodicOrbit", "Problem", "Residual", "ResultEntry", "Run", "Segment", "Series", "SeriesResidual",
-           "ShootingResidual", "Stability", "System", "VirtualExperiment", "__version__", "campaign", "check",
-           "correlation_dimension", "embed", "equations", "estimate", "expand_cycles", "find_cycles", "find_orbits",
-           "follow_branches", "harvest", "identify", "lyapunov_spectrum", "model", "models", "multi_start",
-           "open_campaign", "periodic_orbit", "read_csv", "read_hdf5", "run", "simulate", "stability", "stored_run",
-           "write_csv", "write_hdf5"]
+           "Cycle", "CycleResidual", "CycleSearch", "DataError", "Ensemble", "Estimate", "Estimated",
+           "EstimatedScale", "Flow", "FoundOrbit", "Identification", "JobError", "LeastSquares", "OrbitSearch",
+           "Parameter", "PeriodicOrbit", "Problem", "Residual", "ResultEntry", "Run", "Segment", "Series",
+           "SeriesResidual", "ShootingResidual", "Stability", "System", "Verdict", "VirtualExperiment", "__version__",
+           "campaign", "check", "correlation_dimension", "embed", "equations", "estimate", "expand_cycles",
+           "find_cycles", "find_orbits", "follow_branches", "harvest", "identify", "lyapunov_spectrum", "model",
+           "models", "multi_start", "open_campaign", "periodic_orbit", "read_csv", "read_hdf5", "run", "simulate",
+           "stability", "stored_run", "write_csv", "write_hdf5"]

@@ -55,9 +55,22 @@ class ResultEntry:
     unit: str
     entry: Mapping[str, Any]
     """The whole entry of result.json."""
+    one_sided: Optional[str] = None
+    """The end of interval95 that is a one-sided limit, "lower" or "upper"; the other end is a bound."""
 
     def __repr__(self) -> str:
         return f"ResultEntry({self.value} +- {self.sd} {self.unit})"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an estimate can be trusted."""
+
+    trust: str
+    """"all": values and intervals, "values": not the intervals, "none"."""
+    line: str
+    because: Tuple[str, ...]
+    """All reasons."""
 
 
 def _number(value: Optional[float]) -> float:
@@ -67,7 +80,7 @@ def _number(value: Optional[float]) -> float:
 def _entry(entry: Mapping[str, Any]) -> ResultEntry:
     lower, upper = entry.get("interval95") or (None, None)
     return ResultEntry(_number(entry.get("value")), _number(entry.get("sd")), (_number(lower), _number(upper)),
-                       entry.get("unit") or "", entry)
+                       entry.get("unit") or "", entry, entry.get("one_sided"))
 
 
 def _table(path: pathlib.Path, text: Set[str]) -> npt.NDArray[Any]:
@@ -105,6 +118,12 @@ class Run:
         if self.exit_code == 130:
             return "interrupted"
         return str(self.result.get("status", "done" if self.exit_code == 0 else "nothing_found"))
+
+    @property
+    def verdict(self) -> Optional[Verdict]:
+        """What an engineer must know about the estimate, in one line; None where there is none."""
+        found = self.result.get("verdict")
+        return Verdict(found["trust"], found["line"], tuple(found["because"])) if found else None
 
     @property
     def parameters(self) -> Dict[str, ResultEntry]:

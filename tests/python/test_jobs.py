@@ -114,6 +114,8 @@ def test_data_as_arrays(tmp_path):
     assert run.status == "converged"
     # A record without errors: what is left are roundings.
     assert abs(run.parameters["r"].value - 3.9) < 1e-9
+    assert run.parameters["r"].one_sided is None
+    assert run.verdict.line == run.result["verdict"]["line"] and run.verdict.trust in ("all", "values", "none")
     # The same as from a file of these numbers.
     (tmp_path / "x.csv").write_text("x\n" + "\n".join(map(repr, x.tolist())) + "\n")
     from_file = orbid.run(with_record(str(tmp_path / "x.csv"), columns={"x": "x"}), tmp_path / "out2")
