@@ -71,6 +71,25 @@ TEST_CASE("a journal gives back what was stored", "[apps][campaign]") {
     CHECK(journal.result(55).empty());
 }
 
+TEST_CASE("a journal is made where making one was interrupted", "[apps][campaign]") {
+    const TemporaryFolder folder;
+    // An empty file, and one that holds no table yet: killed before the first transaction was there.
+    const auto nothing = folder.path() / "nothing.sqlite", begun = folder.path() / "begun.sqlite";
+    std::ofstream(nothing).close();
+    {
+        apps::SqliteFile file(begun, apps::SqliteFile::Mode::create);
+        file.run("PRAGMA journal_mode=WAL");
+    }
+    for (const auto& file : {nothing, begun}) {
+        CAPTURE(file.filename().string());
+        CHECK_FALSE(Journal::is_begun(file));
+        { (void)Journal::create(file, made_head(3)); }
+        CHECK(Journal::is_begun(file));
+        CHECK(Journal::open(file, Journal::Access::read).head().title == made_head(3).title);
+        CHECK_THROWS_AS(Journal::create(file, made_head(3)), JournalError);
+    }
+}
+
 TEST_CASE("what varies and keys come back as they were, whatever they are", "[apps][campaign]") {
     const TemporaryFolder folder;
     auto head = made_head(2);

@@ -48,6 +48,39 @@ TEST_CASE("a stored run is what its folder holds", "[apps][stored]") {
     CHECK_THROWS_AS(stored_series(run, 1), std::invalid_argument);
 }
 
+TEST_CASE("values of another kind in result.json are refused with their place", "[apps][stored]") {
+    struct Case {
+        std::string pointer, value, message;
+    };
+    const std::vector<Case> cases{
+        {"/parameters/a/value", "\"1.4\"", "/parameters/a/value"},
+        {"/parameters/a/interval95", "[1.38]", "/parameters/a/interval95"},
+        {"/parameters/a", "[]", "/parameters/a"},
+        {"/parameters/b/unit", "1", "/parameters/b/unit"},
+        {"/errors/series.x/count", "-4", "/errors/series.x/count"},
+        {"/correlation/matrix", "[[1, 0], [0]]", "/correlation/matrix/1"},
+        {"/correlation/names", "[\"b\"]", "/correlation/matrix"},
+        {"/history", "{}", "/history"},
+        {"/status", "null", "/status"},
+    };
+    for (const Case& one : cases) {
+        CAPTURE(one.pointer, one.value);
+        const TemporaryFolder folder;
+        write_stored_run(folder.path());
+        json result = read_json(folder.path() / "result.json");
+        result[json::json_pointer(one.pointer)] = json::parse(one.value);
+        write_text(folder.path() / "result.json", result.dump());
+        CHECK_THAT(refusal<DataError>(folder.path()),
+                   ContainsSubstring("result.json") && ContainsSubstring(one.message));
+    }
+    const TemporaryFolder folder;
+    write_stored_run(folder.path());
+    json result = read_json(folder.path() / "result.json");
+    result.erase("parameters");
+    write_text(folder.path() / "result.json", result.dump());
+    CHECK_THAT(refusal<DataError>(folder.path()), ContainsSubstring("\"parameters\" is missing"));
+}
+
 TEST_CASE("residuals and draws of a stored run are read to the bit", "[apps][stored]") {
     const TemporaryFolder folder;
     write_stored_run(folder.path());
