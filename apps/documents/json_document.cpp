@@ -67,7 +67,7 @@ public:
         const bool number = dynamic_cast<const Json::out_of_range*>(&error) != nullptr;
         const auto says = [&](std::string_view text) { return rule.find(text) != std::string::npos; };
         if (number) rule += "; a number is at most 1.8e308";
-        if (says("unexpected '}'") || says("unexpected ']'")) rule += "; no comma stands after the last entry";
+        if (says("unexpected '}'") || says("unexpected ']'")) rule += "; remove the comma after the last entry";
         if (says("invalid literal")) rule += "; a text stands in quotes";
         const Place place = number ? next_token() : place_of(position > 0 ? position - 1 : 0);
         fail(place, rule);

@@ -298,7 +298,9 @@ void read_errors(ObjectReader& residual, const ErrorUse& use, const Job& job, st
         read.coordinate = *index;
         ErrorJob* error = find_error(errors, *index);
         if (error == nullptr) {
-            member.report(fmt::format("\"{}\" is not observed: it has no errors", name));
+            const bool of_plane = job.section_plane && job.section_plane->coordinate == *index;
+            member.report(fmt::format("\"{}\" {}: it has no errors", name,
+                                      of_plane ? "has the value of the section at every point" : "is not observed"));
             continue;
         }
         *error = std::move(read);
