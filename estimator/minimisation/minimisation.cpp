@@ -22,6 +22,7 @@ bool Minimisation::start() {
         return false;
     }
     minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.drop_derivatives(set_);
     minimum_.prior = prior_at(problem_, state_.u);
     minimum_.error_at_floor.assign(problem_.errors.size(), false);
     minimum_.error_at_ceiling = minimum_.error_at_floor;
@@ -118,7 +119,9 @@ bool Minimisation::update_errors() {
 /// The error parameters at their minimum.
 void Minimisation::search_errors(Follow follow) {
     std::optional<WhitenedArrow> standard;
+    const bool dropped = is_long(set_);
     if (one_curvature_) standard = std::move(standard_);
+    if (dropped) drop_factors();
     const Eigen::VectorXd psi = errors_.searched(follow, model_length_, state_, minimum_, ledger_, standard);
     if (!one_curvature_) standard.reset();
     if (psi != state_.psi) {
@@ -126,9 +129,11 @@ void Minimisation::search_errors(Follow follow) {
             state_.psi = psi;
             standard ? take_factor(*std::move(standard)) : factorise_errors();
         });
-    } else if (standard) {
+    } else if (standard && !dropped) {
         standard_ = *std::move(standard);
-    } else if (one_curvature_) {
+    } else if (standard) {
+        take_factor(*std::move(standard));
+    } else if (one_curvature_ || dropped) {
         factorise_errors();
     }
 }

@@ -57,6 +57,7 @@ private:
     void search_errors(Follow follow);
     void factorise_errors();
     void take_factor(WhitenedArrow standard);
+    void drop_factors();
     void set_model();
     const TrialStep& full_step();
     [[nodiscard]] double initial_radius() const;

@@ -1,6 +1,8 @@
 #include "estimator/minimisation/minimum.hpp"
 
+#include <algorithm>
 #include <cstdio>
+#include <optional>
 
 #include "estimator/minimisation/minimisation.hpp"
 
@@ -16,6 +18,26 @@ void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd&
     if (!problem.options.watched) return;
     report.theta = theta;
     problem.options.watched(report);
+}
+
+void Minimum::drop_derivatives(const BlockSet& set) {
+    if (set.latents == 0) return;
+    const auto whole = [](const PartRows& part) { return part.records.rows.rows() == part.records.count; };
+    const bool all = std::all_of(rows.begin(), rows.end(), [&](const BlockRows& block) {
+        return std::all_of(block.parts.begin(), block.parts.end(), whole) &&
+               std::all_of(block.linked_parts.begin(), block.linked_parts.end(), whole);
+    });
+    if (!all) return;
+    for (BlockValue& value : evaluation.values)
+        for (Eigen::MatrixXd* slopes :
+             {&value.e_theta, &value.e_z, &value.e_next, &value.c_theta, &value.c_z, &value.c_next})
+            slopes->resize(0, 0);
+    derivatives_dropped_ = true;
+}
+
+std::vector<BlockRows> Minimum::all_rows(const Problem& problem, const BlockSet& set, const State& state) const {
+    if (derivatives_dropped_) return rows;
+    return linearise(set, problem.laws, evaluation.values, problem.coordinates, state.theta, false);
 }
 
 ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, Follow follow) {
@@ -34,11 +56,14 @@ ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Mi
 }
 
 Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger) {
-    const State start = state;
-    Minimisation unlimited(problem, set, state, ledger, false);
-    Minimum minimum = unlimited.run();
-    if (!unlimited.unsettled()) return minimum;
-    state = start;
+    // Only stages of constraints may have to begin again.
+    const std::optional<State> start = set.constraints > 0 ? std::optional(state) : std::nullopt;
+    {
+        Minimisation unlimited(problem, set, state, ledger, false);
+        Minimum minimum = unlimited.run();
+        if (!start || !unlimited.unsettled()) return minimum;
+    }
+    state = *start;
     return Minimisation(problem, set, state, ledger, true).run();
 }
 

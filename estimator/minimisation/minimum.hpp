@@ -18,7 +18,8 @@ enum class Outcome { converged, no_progress, iteration_limit, interrupted, block
 struct Minimum {
     Outcome outcome = Outcome::start_failed;
     std::string message;
-    Evaluation evaluation;               ///< at the state, with derivatives
+    /// At the state. Derivatives stay only where `rows` are shortened; see drop_derivatives().
+    Evaluation evaluation;
     std::vector<BlockRows> rows;         ///< linearisation at the state
     PriorModel prior;                    ///< at the state
     BoundedStep step;                    ///< the remaining full step: its basis and active bounds describe the minimum
@@ -29,6 +30,16 @@ struct Minimum {
     double matching = 1.0;
     double remaining = 0.0;  ///< length of the remaining full step, in posterior sds
     bool kink = false;       ///< several smooth pieces of the objective meet here; `step` is that of one of them
+
+    /// Frees the derivatives of the evaluation where the rows hold all of them: with latent states there are many blocks
+    /// of few records.
+    void drop_derivatives(const BlockSet& set);
+    /// Rows of all records, none shortened, at the state.
+    [[nodiscard]] std::vector<BlockRows> all_rows(const Problem& problem, const BlockSet& set,
+                                                  const State& state) const;
+
+private:
+    bool derivatives_dropped_ = false;
 };
 
 /// Counters and history over all rounds.

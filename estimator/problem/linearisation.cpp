@@ -62,45 +62,52 @@ Eigen::MatrixXd in_basis(const Eigen::MatrixXd& rows, Eigen::Index before, const
     return reduced;
 }
 
+Eigen::VectorXd slopes_of(const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta) {
+    Eigen::VectorXd slope(theta.size());
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        slope[i] = coordinates[static_cast<std::size_t>(i)].slope(theta[i]);
+    return slope;
+}
+
+/// Rows of one block. @param slope  d theta / d u.
+BlockRows linearised(const BlockSet& set, const std::vector<NoiseModel>& laws, const BlockValue& value,
+                     const Eigen::VectorXd& slope, std::size_t b, bool compressed) {
+    const ActiveBlock& block = set.blocks[b];
+    BlockRows rows;
+    rows.latents = block.latents;
+    rows.cholesky = &block.cholesky;
+    rows.next = block.next;
+    rows.next_latents = block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
+    const auto take = [&](const std::vector<LawPart>& from, Eigen::Index after, std::vector<PartRows>& to) {
+        to.reserve(from.size());
+        for (const LawPart& part : from) {
+            to.push_back({part.law, part_records(block, part, laws[part.law], value, slope, after)});
+            // The R factor instead of the rows where that is shorter.
+            Eigen::MatrixXd& own = to.back().records.rows;
+            if (compressed && laws[part.law].compressible() && own.rows() > 2 * own.cols()) own = upper_triangle(own);
+        }
+    };
+    take(block.parts(), 0, rows.parts);
+    take(block.linked_parts(), rows.next_latents, rows.linked_parts);
+    if (block.cholesky.size() > 0) {
+        rows.channel = block.channel();
+        rows.rows = joined(value.e_z, block.latents, {}, 0, value.e_theta, slope, value.e);
+    }
+    if (block.constraints > 0)
+        rows.link = block.constraint_size.cwiseInverse().asDiagonal() *
+                    joined(value.c_z, block.latents, value.c_next, rows.next_latents, value.c_theta, slope, value.c);
+    return rows;
+}
+
 }  // namespace
 
 std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<NoiseModel>& laws,
                                  const std::vector<BlockValue>& values, const std::vector<Coordinate>& coordinates,
                                  const Eigen::VectorXd& theta, bool compressed) {
-    Eigen::VectorXd slope(theta.size());
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        slope[i] = coordinates[static_cast<std::size_t>(i)].slope(theta[i]);
+    const Eigen::VectorXd slope = slopes_of(coordinates, theta);
     std::vector<BlockRows> result(set.blocks.size());
-    const auto linearise_block = [&](std::size_t b) {
-        const ActiveBlock& block = set.blocks[b];
-        const BlockValue& value = values[b];
-        BlockRows& rows = result[b];
-        rows.latents = block.latents;
-        rows.cholesky = &block.cholesky;
-        rows.next = block.next;
-        rows.next_latents = block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
-        const auto take = [&](const std::vector<LawPart>& from, Eigen::Index after, std::vector<PartRows>& to) {
-            to.reserve(from.size());
-            for (const LawPart& part : from) {
-                to.push_back({part.law, part_records(block, part, laws[part.law], value, slope, after)});
-                // The R factor instead of the rows where that is shorter.
-                Eigen::MatrixXd& own = to.back().records.rows;
-                if (compressed && laws[part.law].compressible() && own.rows() > 2 * own.cols())
-                    own = upper_triangle(own);
-            }
-        };
-        take(block.parts, 0, rows.parts);
-        take(block.linked_parts, rows.next_latents, rows.linked_parts);
-        if (block.cholesky.size() > 0) {
-            rows.channel = block.channel;
-            rows.rows = joined(value.e_z, block.latents, {}, 0, value.e_theta, slope, value.e);
-        }
-        if (block.constraints > 0)
-            rows.link =
-                block.constraint_size.cwiseInverse().asDiagonal() *
-                joined(value.c_z, block.latents, value.c_next, rows.next_latents, value.c_theta, slope, value.c);
-    };
-    for_blocks(set.blocks.size(), linearise_block);
+    for_blocks(set.blocks.size(),
+               [&](std::size_t b) { result[b] = linearised(set, laws, values[b], slope, b, compressed); });
     return result;
 }
 
@@ -238,9 +245,117 @@ bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws)
         const auto same = [&](const LawPart& part) { return laws[part.law].has_one_curvature(); };
         // Links are guarded in steps, and slack ones in expectation as well.
         const auto same_link = [&](const LawPart& part) { return same(part) || laws[part.law].slack; };
-        return std::all_of(block.parts.begin(), block.parts.end(), same) &&
-               std::all_of(block.linked_parts.begin(), block.linked_parts.end(), same_link);
+        return std::all_of(block.parts().begin(), block.parts().end(), same) &&
+               std::all_of(block.linked_parts().begin(), block.linked_parts().end(), same_link);
     });
+}
+
+namespace {
+
+/// Rows that link a block to the next one: constraints, then whitened linked records.
+struct StandardLink {
+    Eigen::MatrixXd rows;
+    Eigen::Index records = 0;  ///< rows of linked records
+    double value = 0.0;
+};
+
+StandardLink standard_link(const BlockRows& block, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                           double matching, Curvature curvature) {
+    // Links that no longer hold (an interval on the wrong branch of a fold) are to be repaired. With the steps of far
+    // outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
+    WhitenedRows linked =
+        standard_rows(block.linked_parts, laws, psi, curvature == Curvature::step ? Curvature::guarded : curvature);
+    StandardLink link;
+    link.value = linked.value;
+    link.records = linked.rows.rows();
+    const Eigen::Index constraints = block.link.rows();
+    if (constraints == 0) {
+        link.rows = std::move(linked.rows);
+        return link;
+    }
+    link.rows.resize(constraints + link.records, block.link.cols());
+    link.rows.topRows(constraints) = block.link / matching;
+    if (link.records > 0) link.rows.bottomRows(link.records) = linked.rows;
+    return link;
+}
+
+/// A^T w of rows [A | w] into `gradient`.
+void take_gradient(const Eigen::MatrixXd& rows, Eigen::VectorXd& gradient) {
+    const Eigen::Index columns = std::max<Eigen::Index>(rows.cols() - 1, 0);
+    gradient.resize(columns);
+    if (columns == 0) return;
+    const double* const w = rows.data() + columns * rows.rows();
+    for (Eigen::Index j = 0; j < columns; ++j) {
+        const double* const column = rows.data() + j * rows.rows();
+        double sum = 0.0;
+        for (Eigen::Index k = 0; k < rows.rows(); ++k)
+            sum += column[k] * w[k];
+        gradient[j] = sum;
+    }
+}
+
+/// A step of the own states, of those of the next block (null: the rows have none) and of the parameters.
+double along(const Eigen::VectorXd& gradient, const Eigen::VectorXd& own, const Eigen::VectorXd* next,
+             const Eigen::VectorXd& parameters) {
+    double sum = 0.0;
+    Eigen::Index column = 0;
+    if (gradient.size() == 0) return sum;
+    for (const Eigen::VectorXd* x : {&own, next, &parameters})
+        for (Eigen::Index j = 0; x != nullptr && j < x->size(); ++j)
+            sum += gradient[column++] * (*x)[j];
+    return sum;
+}
+
+/// See slopes_along(). @param rows_of  of a block.
+template <class RowsOf>
+Eigen::VectorXd sum_of_slopes(std::size_t blocks, const RowsOf& rows_of, const std::vector<NoiseModel>& laws,
+                              const ErrorWeights& errors, const std::vector<Direction>& directions) {
+    const auto count = static_cast<Eigen::Index>(directions.size());
+    std::vector<Eigen::VectorXd> part(pieces_of(blocks), Eigen::VectorXd::Zero(count));
+    for_pieces(blocks, [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        Eigen::VectorXd own;
+        Eigen::VectorXd link;
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockRows& block = rows_of(b);
+            take_gradient(standard_rows(block, laws, errors.psi, errors.curvature).rows, own);
+            const bool links = block.link.rows() > 0 || !block.linked_parts.empty();
+            if (links) take_gradient(standard_link(block, laws, errors.psi, errors.matching, errors.curvature).rows, link);
+            const auto next = static_cast<std::size_t>(std::max<std::ptrdiff_t>(block.next, 0));
+            for (Eigen::Index i = 0; i < count; ++i) {
+                const Direction& to = directions[static_cast<std::size_t>(i)];
+                double& sum = part[piece][i];
+                sum += along(own, to.latents[b], nullptr, to.parameters);
+                if (links)
+                    sum += along(link, to.latents[b], block.next >= 0 ? &to.latents[next] : nullptr, to.parameters);
+            }
+        }
+    });
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(count);
+    for (const Eigen::VectorXd& one : part)
+        sum += one;
+    return sum;
+}
+
+}  // namespace
+
+Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockRows>& rows,
+                             const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
+                             const std::vector<Direction>& directions) {
+    const auto rows_of = [&](std::size_t b) -> const BlockRows& { return rows[b]; };
+    Eigen::VectorXd sum = sum_of_slopes(rows.size(), rows_of, laws, errors, directions);
+    set.spread.sum(sum);
+    return sum;
+}
+
+Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>& values,
+                             const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
+                             const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
+                             const std::vector<Direction>& directions) {
+    const Eigen::VectorXd slope = slopes_of(coordinates, theta);
+    const auto rows_of = [&](std::size_t b) { return linearised(set, laws, values[b], slope, b, false); };
+    Eigen::VectorXd sum = sum_of_slopes(set.blocks.size(), rows_of, laws, errors, directions);
+    set.spread.sum(sum);
+    return sum;
 }
 
 WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
@@ -270,23 +385,12 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
             if (keep_rows && !as_it_is) result.rows[b] = standard;
             blocks[b] = in_chain[b] != 0 ? linked_block(std::move(standard.rows), block.latents)
                                          : block_triangle(std::move(standard.rows), block.latents);
-            const Eigen::Index constraints = block.link.rows();
-            if (constraints == 0 && block.linked_parts.empty()) continue;
-            // Links that no longer hold (an interval on the wrong branch of a fold) are to be repaired. With the steps
-            // of far outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
-            WhitenedRows linked = standard_rows(block.linked_parts, laws, psi,
-                                                curvature == Curvature::step ? Curvature::guarded : curvature);
-            value[piece] += linked.value;
-            result.linked_records[b] = linked.rows.rows();
+            if (block.link.rows() == 0 && block.linked_parts.empty()) continue;
+            StandardLink link = standard_link(block, laws, psi, matching, curvature);
+            value[piece] += link.value;
+            result.linked_records[b] = link.records;
             blocks[b].next = block.next;
-            Eigen::MatrixXd& link = blocks[b].link;
-            if (constraints == 0) {
-                link = std::move(linked.rows);
-                continue;
-            }
-            link.resize(constraints + linked.rows.rows(), block.link.cols());
-            link.topRows(constraints) = block.link / matching;
-            if (linked.rows.rows() > 0) link.bottomRows(linked.rows.rows()) = linked.rows;
+            blocks[b].link = std::move(link.rows);
         }
     });
     for (const double part : value)

@@ -60,6 +60,30 @@ struct BlockRows {
                                                     const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                                                     Eigen::Index k, Curvature curvature, const WhitenedRows& at);
 
+/// What divides rows: the error parameters, the weight of constraints, and which second derivative is meant.
+struct ErrorWeights {
+    const Eigen::VectorXd& psi;
+    double matching = 1.0;
+    Curvature curvature = Curvature::step;
+};
+
+/// A direction of parameters (in u) and latent states, one vector per active block.
+struct Direction {
+    const Eigen::VectorXd& parameters;
+    const std::vector<Eigen::VectorXd>& latents;
+};
+
+/// Slopes of -ln p (constraints included) along some directions, shape (directions): w^T A d summed over all blocks,
+/// whose rows are divided by the errors one after the other and not kept. The parameters' prior is left out.
+[[nodiscard]] Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockRows>& rows,
+                                           const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
+                                           const std::vector<Direction>& directions);
+/// The same from values with derivatives at theta.
+[[nodiscard]] Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>& values,
+                                           const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
+                                           const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
+                                           const std::vector<Direction>& directions);
+
 /// Whether the rows of all blocks are the same with Curvature::step (or guarded) and expected.
 [[nodiscard]] bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws);
 
