@@ -102,13 +102,13 @@ void OuterLoop::restore() {
 }
 
 /// Fixed scales as the sets have them now; in an intermediate stage the starts of the others as well.
-void OuterLoop::read_scales(bool provisional) {
+void OuterLoop::read_scales(const BlockSet& next) {
     for (const NoiseModel& law : problem_.laws) {
         if (law.joint()) continue;
         const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
-        const double value = set.active[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
+        const double value = next.active[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
         const ErrorCoordinate& scale = law.coordinates.front();
-        if (value > 0.0 && (!scale.estimate || provisional)) state_.psi[law.first] = scale.at(value);
+        if (value > 0.0 && (!scale.estimate || next.provisional)) state_.psi[law.first] = scale.at(value);
     }
 }
 
@@ -119,7 +119,7 @@ bool OuterLoop::minimise_next() {
         share_blocks(problem_, next);
         share_states(next, state_);
     }
-    if (ledger.round > 1) read_scales(next.provisional);
+    if (ledger.round > 1) read_scales(next);
     Minimum found;
     try {
         if (next.records > 0)

@@ -28,7 +28,7 @@ private:
     bool suspend_stopped();
     bool update_active_set();
     void restore();
-    void read_scales(bool provisional);
+    void read_scales(const BlockSet& next);
     void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
 
     const Problem& problem_;
