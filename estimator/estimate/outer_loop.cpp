@@ -123,7 +123,11 @@ bool OuterLoop::minimise_next() {
     Minimum found;
     try {
         if (next.records > 0)
-            found = minimise(problem_, next, state_, ledger);
+            found = minimise(problem_, next, state_, ledger, [this] {
+                // What the last minimisation has come to is no longer needed.
+                minimum = {};
+                set.blocks = {};
+            });
         else
             found.message = "no residual record takes part";
     } catch (const models::Stopped&) {

@@ -9,13 +9,14 @@
 
 namespace orbid::estimator {
 
-bool Minimisation::start() {
+bool Minimisation::start(const std::function<void()>& begun) {
     if (is_plain_least_squares(problem_, set_)) {
         minimum_.evaluation = solve_plain_least_squares(problem_, set_, state_, ledger_);
     } else {
         minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
         ++ledger_.evaluations;
     }
+    if (begun) begun();
     if (minimum_.evaluation.any_failed) {
         minimum_.stopped = minimum_.evaluation.failed;
         minimum_.outcome = Outcome::start_failed;
@@ -31,9 +32,9 @@ bool Minimisation::start() {
     return true;
 }
 
-Minimum Minimisation::run() {
+Minimum Minimisation::run(const std::function<void()>& begun) {
     using enum Decision::Next;
-    if (!start() || !update_errors()) return std::move(minimum_);
+    if (!start(begun) || !update_errors()) return std::move(minimum_);
     tell_step({.iteration = ledger_.iterations,
                .round = ledger_.round,
                .provisional = set_.provisional,

@@ -59,12 +59,13 @@ bool Minimisation::judged_by_gradients(double curvature) const {
 
 /// Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
 void Minimisation::compare_slopes(const TrialStep& step, Trial& trial) const {
-    trial.rows = linearise(set_, problem_.laws, trial.evaluation.values, problem_.coordinates, trial.state.theta);
-    const double slope = slopes_along(set_, trial.rows, problem_.laws, {state_.psi, minimum_.matching, curvature()},
-                                      {{step.parameters.d, step.latents}})[0] +
-                         trial.prior.gradient.dot(step.parameters.d);
+    const double slope =
+        slopes_along(set_, trial.evaluation.values, problem_.coordinates, trial.state.theta, problem_.laws,
+                     {state_.psi, minimum_.matching, curvature()}, {{step.parameters.d, step.latents}})[0] +
+        trial.prior.gradient.dot(step.parameters.d);
     trial.change = 0.5 * (step.slope + slope);
     trial.curvature = slope - step.slope;
+    trial.slopes_compared = true;
 }
 
 /// Whether a trial lowers the objective enough, and has the derivatives that the next step needs.
@@ -89,9 +90,8 @@ void Minimisation::adopt(const TrialStep& step, Trial trial) {
     ++ledger_.iterations;
     state_ = std::move(trial.state);
     minimum_.evaluation = std::move(trial.evaluation);
-    minimum_.rows = std::move(trial.rows);
-    if (minimum_.rows.empty())
-        minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.rows.clear();
+    minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
     minimum_.drop_derivatives(set_);
     minimum_.prior = std::move(trial.prior);
     derivatives_at_trial_ = true;

@@ -55,16 +55,17 @@ ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Mi
     return errors;
 }
 
-Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger) {
+Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger,
+                 const std::function<void()>& begun) {
     // Only stages of constraints may have to begin again.
     const std::optional<State> start = set.constraints > 0 ? std::optional(state) : std::nullopt;
     {
         Minimisation unlimited(problem, set, state, ledger, false);
-        Minimum minimum = unlimited.run();
+        Minimum minimum = unlimited.run(begun);
         if (!start || !unlimited.unsettled()) return minimum;
     }
     state = *start;
-    return Minimisation(problem, set, state, ledger, true).run();
+    return Minimisation(problem, set, state, ledger, true).run({});
 }
 
 }  // namespace orbid::estimator

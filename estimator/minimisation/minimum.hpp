@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -72,6 +73,8 @@ void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd&
 /// smooth pieces that meet there, see GradientBundle. A few more steps follow as long as they gain digits. If no
 /// shorter step decreases Phi although its length is below `rounding_sds`, the residuals' own rounding is reached:
 /// converged too, and the message says so. Otherwise no_progress.
-[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger);
+/// @param begun  called once the start is evaluated; from then on no models::Stopped is thrown.
+[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger,
+                               const std::function<void()>& begun = {});
 
 }  // namespace orbid::estimator

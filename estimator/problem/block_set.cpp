@@ -89,10 +89,14 @@ Evaluation evaluate_here(const std::vector<const Residual*>& residuals, const Bl
                                         std::to_string(set.active[r].layout.size()));
     }
     Evaluation evaluation;
-    evaluation.values.reserve(set.blocks.size());
+    // Blocks have the order of their residual's: all answers of a single one are taken as they are.
+    const bool all = answers.size() == 1 && answers.front().size() == set.blocks.size();
+    if (all) evaluation.values = std::move(answers.front());
+    evaluation.values.resize(set.blocks.size());
     for (std::size_t a = 0; a < set.blocks.size(); ++a) {
         const ActiveBlock& block = set.blocks[a];
-        BlockValue& value = answers[block.residual][block.block];
+        BlockValue& value = evaluation.values[a];
+        if (!all) value = std::move(answers[block.residual][block.block]);
         if (value.status == BlockStatus::ok) {
             const Eigen::Index next_latents =
                 block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
@@ -101,7 +105,6 @@ Evaluation evaluate_here(const std::vector<const Residual*>& residuals, const Bl
                 value.status = BlockStatus::failed;
         }
         if (value.status != BlockStatus::ok) evaluation.failed.push_back(a);
-        evaluation.values.push_back(std::move(value));
     }
     return evaluation;
 }

@@ -241,6 +241,7 @@ BlockSet freeze(const std::vector<const Residual*>& residuals, std::vector<Activ
         const LatentStructure structure = residuals[r]->structure();
         set.provisional = set.provisional || set.active[r].is_intermediate_stage;
         const std::size_t first_block = set.blocks.size();
+        set.blocks.reserve(first_block + layout.size());
         std::vector<std::ptrdiff_t> place(layout.size(), -1);
         RecordSorter sorter(laws, groups, first_channel, places);
         for (std::size_t b = 0; b < layout.size(); ++b) {
