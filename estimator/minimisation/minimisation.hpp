@@ -41,10 +41,10 @@ private:
         State state;
         PriorModel prior;
         Evaluation evaluation;
-        double change = infinity;     ///< of the objective
-        double gain = -infinity;      ///< actual over predicted decrease
-        double curvature = -1.0;      ///< true second derivative along the step
-        double keep = 0.25;           ///< share of the step to keep after a rejection
+        double change = infinity;  ///< of the objective
+        double gain = -infinity;   ///< actual over predicted decrease
+        double curvature = -1.0;   ///< true second derivative along the step
+        double keep = 0.25;        ///< share of the step to keep after a rejection
         StepRejection reason = StepRejection::none;
         bool slopes_compared = false;
     };

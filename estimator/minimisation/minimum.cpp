@@ -28,10 +28,15 @@ void Minimum::drop_derivatives(const BlockSet& set) {
                std::all_of(block.linked_parts.begin(), block.linked_parts.end(), whole);
     });
     if (!all) return;
-    for (BlockValue& value : evaluation.values)
-        for (Eigen::MatrixXd* slopes :
-             {&value.e_theta, &value.e_z, &value.e_next, &value.c_theta, &value.c_z, &value.c_next})
-            slopes->resize(0, 0);
+    // What stays is copied: freed one by one, the derivatives would leave holes all over the memory between what stays,
+    // and filling them takes longer than the copies.
+    std::vector<BlockValue> kept(evaluation.values.size());
+    for (std::size_t b = 0; b < kept.size(); ++b) {
+        kept[b].status = evaluation.values[b].status;
+        kept[b].e = evaluation.values[b].e;
+        kept[b].c = evaluation.values[b].c;
+    }
+    evaluation.values = std::move(kept);
     derivatives_dropped_ = true;
 }
 

@@ -32,8 +32,8 @@ struct Minimum {
     double remaining = 0.0;  ///< length of the remaining full step, in posterior sds
     bool kink = false;       ///< several smooth pieces of the objective meet here; `step` is that of one of them
 
-    /// Frees the derivatives of the evaluation where the rows hold all of them: with latent states there are many blocks
-    /// of few records.
+    /// Frees the derivatives of the evaluation where the rows hold all of them: with latent states there are many
+    /// blocks of few records.
     void drop_derivatives(const BlockSet& set);
     /// Rows of all records, none shortened, at the state.
     [[nodiscard]] std::vector<BlockRows> all_rows(const Problem& problem, const BlockSet& set,

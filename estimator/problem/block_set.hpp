@@ -42,8 +42,8 @@ struct ActiveBlock {
     std::size_t block = 0;
     std::shared_ptr<const BlockRecords> records;  ///< never null in a BlockSet
     Eigen::Index latents = 0;
-    Eigen::MatrixXd cholesky;           ///< lower L, Sigma_b = L L^T; empty = identity
-    Eigen::VectorXd deviation;          ///< known sd of each record; empty = 1
+    Eigen::MatrixXd cholesky;   ///< lower L, Sigma_b = L L^T; empty = identity
+    Eigen::VectorXd deviation;  ///< known sd of each record; empty = 1
     Eigen::Index constraints = 0;
     std::ptrdiff_t next = -1;         ///< index into BlockSet::blocks
     Eigen::VectorXd constraint_size;  ///< shape (constraints)

@@ -37,8 +37,7 @@ std::vector<LawPart> parts_of(const BlockRecords& records, const BlockLayout& fr
         if (law.needs_observed()) {
             if (from.observed.size() != static_cast<Eigen::Index>(records.channel.size()))
                 refuse_block(from, "log-normal and relative errors need the observed value of every record");
-            if (from.deviation.size() > 0)
-                refuse_block(from, "known sds do not go with log-normal or relative errors");
+            if (from.deviation.size() > 0) refuse_block(from, "known sds do not go with log-normal or relative errors");
             part.observed.resize(static_cast<Eigen::Index>(part.records.size()));
             for (std::size_t i = 0; i < part.records.size(); ++i) {
                 const double y = from.observed[part.records[i]];

@@ -1,8 +1,7 @@
 #include "estimator/problem/linearisation.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
+#include <cassert>
 
 #include "estimator/algebra/block_loop.hpp"
 
@@ -136,110 +135,6 @@ std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen:
     return result;
 }
 
-WhitenedRows standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
-                           Curvature curvature) {
-    WhitenedRows result;
-    if (block.rows.size() > 0) {
-        const Eigen::VectorXd scale = scales_of(laws, psi);
-        result.rows = block.rows;
-        whiten(block.channel, *block.cholesky, scale, result.rows);
-        result.value = 0.5 * result.rows.rightCols(1).squaredNorm() +
-                       0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(block.channel.size());
-        for (const int c : block.channel)
-            result.value += std::log(scale[c]);
-        return result;
-    }
-    return standard_rows(block.parts, laws, psi, curvature);
-}
-
-WhitenedRows standard_rows(const std::vector<PartRows>& from, const std::vector<NoiseModel>& laws,
-                           const Eigen::VectorXd& psi, Curvature curvature) {
-    WhitenedRows result;
-    if (from.size() == 1) {
-        const PartRows& part = from.front();
-        return whitened_rows(laws[part.law], part.records, laws[part.law].own(psi), curvature);
-    }
-    std::vector<WhitenedRows> parts;
-    Eigen::Index count = 0;
-    for (const PartRows& part : from) {
-        parts.push_back(whitened_rows(laws[part.law], part.records, laws[part.law].own(psi), curvature));
-        count += parts.back().rows.rows();
-        result.value += parts.back().value;
-    }
-    if (parts.empty()) return result;
-    result.rows.resize(count, parts.front().rows.cols());
-    Eigen::Index row = 0;
-    for (const WhitenedRows& part : parts) {
-        result.rows.middleRows(row, part.rows.rows()) = part.rows;
-        row += part.rows.rows();
-    }
-    return result;
-}
-
-namespace {
-
-/// With a covariance shape: d(L^-1 D^-1 A) = -L^-1 E_g L (L^-1 D^-1 A), E_g picks the rows of the channel.
-void shaped_derivative(const BlockRows& block, const std::vector<NoiseModel>& laws, Eigen::Index k,
-                       const WhitenedRows& at, WhitenedRows& result) {
-    const auto lower = block.cholesky->triangularView<Eigen::Lower>();
-    Eigen::MatrixXd picked = lower * at.rows;
-    for (std::size_t i = 0; i < block.channel.size(); ++i) {
-        const bool own_row = std::any_of(laws.begin(), laws.end(), [&](const NoiseModel& law) {
-            return law.first == k && law.channels.front() == block.channel[i];
-        });
-        if (own_row)
-            result.value += 1.0;
-        else
-            picked.row(static_cast<Eigen::Index>(i)).setZero();
-    }
-    if (!(result.value > 0.0)) return;
-    lower.solveInPlace(picked);
-    result.rows = -picked;
-    result.value += result.rows.rightCols(1).col(0).dot(at.rows.rightCols(1).col(0));
-}
-
-/// Columns of parameters in a block's rows; `otherwise` where it has none.
-Eigen::Index parameter_columns(const BlockRows& block, Eigen::Index otherwise) {
-    if (!block.parts.empty()) return block.parts.front().records.rows.cols() - block.latents - 1;
-    if (!block.linked_parts.empty())
-        return block.linked_parts.front().records.rows.cols() - block.latents - block.next_latents - 1;
-    return block.rows.size() > 0 ? block.rows.cols() - block.latents - 1 : otherwise;
-}
-
-}  // namespace
-
-WhitenedRows standard_rows_derivative(const BlockRows& block, const std::vector<PartRows>& parts,
-                                      const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi, Eigen::Index k,
-                                      Curvature curvature, const WhitenedRows& at) {
-    WhitenedRows result;
-    result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
-    if (block.rows.size() > 0) {
-        shaped_derivative(block, laws, k, at, result);
-        return result;
-    }
-    Eigen::Index row = 0;
-    for (const PartRows& part : parts) {
-        const NoiseModel& law = laws[part.law];
-        if (!law.has(k)) {
-            row += part.records.rows.rows() * law.rows_per_record();
-            continue;
-        }
-        if (law.compressible()) {
-            // S = A / s.
-            const Eigen::Index rows = part.records.rows.rows();
-            result.rows.middleRows(row, rows) = -at.rows.middleRows(row, rows);
-            result.value =
-                static_cast<double>(part.records.count) - at.rows.middleRows(row, rows).rightCols(1).squaredNorm();
-            return result;
-        }
-        const WhitenedRows slope = whitened_rows_slope(law, part.records, law.own(psi), k - law.first, curvature);
-        result.rows.middleRows(row, slope.rows.rows()) = slope.rows;
-        result.value = slope.value;
-        return result;
-    }
-    return result;
-}
-
 bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws) {
     return std::all_of(set.blocks.begin(), set.blocks.end(), [&](const ActiveBlock& block) {
         const auto same = [&](const LawPart& part) { return laws[part.law].has_one_curvature(); };
@@ -251,6 +146,14 @@ bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws)
 }
 
 namespace {
+
+/// Columns of parameters in a block's rows; `otherwise` where it has none.
+Eigen::Index parameter_columns(const BlockRows& block, Eigen::Index otherwise) {
+    if (!block.parts.empty()) return block.parts.front().records.rows.cols() - block.latents - 1;
+    if (!block.linked_parts.empty())
+        return block.linked_parts.front().records.rows.cols() - block.latents - block.next_latents - 1;
+    return block.rows.size() > 0 ? block.rows.cols() - block.latents - 1 : otherwise;
+}
 
 /// Rows that link a block to the next one: constraints, then whitened linked records.
 struct StandardLink {
@@ -306,20 +209,24 @@ double along(const Eigen::VectorXd& gradient, const Eigen::VectorXd& own, const 
     return sum;
 }
 
-/// See slopes_along(). @param rows_of  of a block.
-template <class RowsOf>
-Eigen::VectorXd sum_of_slopes(std::size_t blocks, const RowsOf& rows_of, const std::vector<NoiseModel>& laws,
-                              const ErrorWeights& errors, const std::vector<Direction>& directions) {
+}  // namespace
+
+Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>& values,
+                             const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
+                             const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
+                             const std::vector<Direction>& directions) {
+    const Eigen::VectorXd slope = slopes_of(coordinates, theta);
     const auto count = static_cast<Eigen::Index>(directions.size());
-    std::vector<Eigen::VectorXd> part(pieces_of(blocks), Eigen::VectorXd::Zero(count));
-    for_pieces(blocks, [&](std::size_t begin, std::size_t end, std::size_t piece) {
+    std::vector<Eigen::VectorXd> part(pieces_of(set.blocks.size()), Eigen::VectorXd::Zero(count));
+    for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         Eigen::VectorXd own;
         Eigen::VectorXd link;
         for (std::size_t b = begin; b < end; ++b) {
-            const BlockRows& block = rows_of(b);
+            const BlockRows block = linearised(set, laws, values[b], slope, b, false);
             take_gradient(standard_rows(block, laws, errors.psi, errors.curvature).rows, own);
             const bool links = block.link.rows() > 0 || !block.linked_parts.empty();
-            if (links) take_gradient(standard_link(block, laws, errors.psi, errors.matching, errors.curvature).rows, link);
+            if (links)
+                take_gradient(standard_link(block, laws, errors.psi, errors.matching, errors.curvature).rows, link);
             const auto next = static_cast<std::size_t>(std::max<std::ptrdiff_t>(block.next, 0));
             for (Eigen::Index i = 0; i < count; ++i) {
                 const Direction& to = directions[static_cast<std::size_t>(i)];
@@ -333,27 +240,6 @@ Eigen::VectorXd sum_of_slopes(std::size_t blocks, const RowsOf& rows_of, const s
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(count);
     for (const Eigen::VectorXd& one : part)
         sum += one;
-    return sum;
-}
-
-}  // namespace
-
-Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockRows>& rows,
-                             const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
-                             const std::vector<Direction>& directions) {
-    const auto rows_of = [&](std::size_t b) -> const BlockRows& { return rows[b]; };
-    Eigen::VectorXd sum = sum_of_slopes(rows.size(), rows_of, laws, errors, directions);
-    set.spread.sum(sum);
-    return sum;
-}
-
-Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>& values,
-                             const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
-                             const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
-                             const std::vector<Direction>& directions) {
-    const Eigen::VectorXd slope = slopes_of(coordinates, theta);
-    const auto rows_of = [&](std::size_t b) { return linearised(set, laws, values[b], slope, b, false); };
-    Eigen::VectorXd sum = sum_of_slopes(set.blocks.size(), rows_of, laws, errors, directions);
     set.spread.sum(sum);
     return sum;
 }
@@ -373,7 +259,16 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
     }
     std::vector<BlockTriangle> blocks(rows.size());
     std::vector<double> value(pieces_of(rows.size()), 0.0);
-    if (keep_rows) result.rows.resize(rows.size());
+    const auto as_it_is = [&](std::size_t b) {
+        Eigen::Index count = rows[b].rows.rows();
+        for (const PartRows& part : rows[b].parts)
+            count += part.records.rows.rows() * laws[part.law].rows_per_record();
+        return in_chain[b] != 0 && count <= rows[b].latents + parameters + 1;
+    };
+    bool all_as_they_are = true;
+    for (std::size_t b = 0; keep_rows && all_as_they_are && b < rows.size(); ++b)
+        all_as_they_are = as_it_is(b);
+    if (keep_rows && !all_as_they_are) result.rows.resize(rows.size());
     result.linked_records.assign(rows.size(), 0);
     for_pieces(rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         for (std::size_t b = begin; b < end; ++b) {
@@ -381,8 +276,8 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
             WhitenedRows standard = standard_rows(block, laws, psi, curvature);
             value[piece] += standard.value;
             if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
-            const bool as_it_is = in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols();
-            if (keep_rows && !as_it_is) result.rows[b] = standard;
+            assert(as_it_is(b) == (in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols()));
+            if (keep_rows && !as_it_is(b)) result.rows[b] = standard;
             blocks[b] = in_chain[b] != 0 ? linked_block(std::move(standard.rows), block.latents)
                                          : block_triangle(std::move(standard.rows), block.latents);
             if (block.link.rows() == 0 && block.linked_parts.empty()) continue;

@@ -73,12 +73,9 @@ struct Direction {
     const std::vector<Eigen::VectorXd>& latents;
 };
 
-/// Slopes of -ln p (constraints included) along some directions, shape (directions): w^T A d summed over all blocks,
-/// whose rows are divided by the errors one after the other and not kept. The parameters' prior is left out.
-[[nodiscard]] Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockRows>& rows,
-                                           const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
-                                           const std::vector<Direction>& directions);
-/// The same from values with derivatives at theta.
+/// Slopes of -ln p (constraints included) along some directions at theta, shape (directions): w^T A d summed over all
+/// blocks. Their rows are made from values with derivatives and divided by the errors one after the other, and not
+/// kept. The parameters' prior is left out.
 [[nodiscard]] Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>& values,
                                            const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
                                            const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
@@ -90,14 +87,15 @@ struct Direction {
 /// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
 struct WhitenedArrow {
     BlockArrow arrow;
-    /// Per block, kept on request; empty where the block-arrow matrix has them unchanged, see own_rows().
+    /// Per block, kept on request; empty where the block-arrow matrix has them unchanged, see own_rows(). No blocks at
+    /// all where that is so for every one.
     std::vector<WhitenedRows> rows;
     std::vector<Eigen::Index> linked_records;  ///< whitened rows of linked records per block
     double value = 0.0;                        ///< sum of the blocks' values
 
     /// A block's rows, shape (rows, latents + parameters + 1). Only if rows were kept.
     [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> own_rows(std::size_t b) const {
-        return rows[b].rows.size() > 0 ? rows[b].rows : arrow.blocks[b].triangle;
+        return !rows.empty() && rows[b].rows.size() > 0 ? rows[b].rows : arrow.blocks[b].triangle;
     }
     /// Those of its linked records, shape (rows, latents + latents of next + parameters + 1).
     [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> linked_rows(std::size_t b) const {

@@ -199,8 +199,7 @@ void Posterior::make_block_sandwich() {
 /// @param length  becomes the length of the axis, in records.
 std::vector<ScoreRows> Posterior::score_rows(double& length) const {
     const Eigen::Index rank = point_.triangle.rows();
-    const std::vector<BlockRows> rows =
-        in_basis(minimum_.all_rows(problem_, set_, state_), minimum_.step.from_data);
+    const std::vector<BlockRows> rows = in_basis(minimum_.all_rows(problem_, set_, state_), minimum_.step.from_data);
     const std::vector<Eigen::MatrixXd> moves = latent_moves(arrow(), reduced_problem(), errors_.basis);
     const bool chained = set_.constraints > 0 || set_.linked;
     std::vector<ScoreRows> result;
@@ -227,8 +226,8 @@ std::vector<ScoreRows> Posterior::score_rows(double& length) const {
             const Eigen::MatrixXd& next = moves[static_cast<std::size_t>(rows[b].next)];
             Eigen::MatrixXd both(moves[b].rows() + next.rows(), rank);
             both << moves[b], next;
-            add(standard_rows(rows[b].linked_parts, problem_.laws, state_.psi, Curvature::expected), block.linked_parts(),
-                both, false);
+            add(standard_rows(rows[b].linked_parts, problem_.laws, state_.psi, Curvature::expected),
+                block.linked_parts(), both, false);
         }
     return result;
 }
