@@ -43,6 +43,7 @@ const std::string* Checkpoint::find(const std::string& name) const {
 }
 
 void Checkpoint::keep_bytes(const std::string& name, std::string bytes) {
+    bytes.shrink_to_fit();
     const auto before = std::find_if(kept_.begin(), kept_.end(), [&](const auto& one) { return one.first == name; });
     if (before == kept_.end())
         kept_.emplace_back(name, std::move(bytes));

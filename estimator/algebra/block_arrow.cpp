@@ -211,6 +211,7 @@ ChainFactor factorise_chain(const BlockArrow& arrow, std::size_t index, bool cyc
     const std::vector<std::size_t>& chain = arrow.chains[index];
     const Eigen::VectorXd& linked = arrow.link_norms[index];
     std::vector<ChainNode> nodes(chain.size());
+    Eigen::VectorXd limit(linked.size());
     Eigen::Index at = 0;
     for (std::size_t i = 0; i < chain.size(); ++i) {
         const BlockTriangle& block = arrow.blocks[chain[i]];
@@ -220,8 +221,12 @@ ChainFactor factorise_chain(const BlockArrow& arrow, std::size_t index, bool cyc
         node.latents = l;
         node.own = &block.triangle;
         if (block.link.rows() > 0) (block.next < 0 ? node.alone : node.link) = &block.link;
-        if (mu > 0.0 && arrow.spread.owns(chain[i])) node.damping = std::sqrt(mu) * block.norm;
-        node.limit = column_limits(block, linked.segment(at, l));
+        if (mu > 0.0 && arrow.spread.owns(chain[i])) {
+            node.damping = std::sqrt(mu);
+            node.norm = &block.norm;
+        }
+        limit.segment(at, l) = column_limits(block, linked.segment(at, l));
+        node.limit = limit.data() + at;
         if (std::find(block.dead.begin(), block.dead.end(), true) != block.dead.end()) node.dead = &block.dead;
         at += l;
     }

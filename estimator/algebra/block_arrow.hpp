@@ -66,6 +66,7 @@ struct BlockArrow {
 /// are damped by mu ||D_z d_z||^2, D_z = BlockTriangle::norm.
 struct ReducedProblem {
     /// Per block [R_zz | R_z | r_z], shape (latents, latents + q + 1); no rows for linked blocks, see `chains`.
+    /// Empty where all blocks are linked.
     std::vector<Eigen::MatrixXd> top;
     std::vector<std::shared_ptr<const ChainFactor>> chains;
     Eigen::MatrixXd r;    ///< upper triangle, shape (q, q)

@@ -14,14 +14,15 @@ ReducedProblem condense(const BlockArrow& arrow, double mu) {
     const Eigen::Index width = arrow.parameters + 1;
     const auto width_of_chains = static_cast<Eigen::Index>(arrow.chains.size()) * width;
     ReducedProblem reduced_problem;
-    reduced_problem.top.reserve(arrow.blocks.size());
+    const bool any_alone = std::find(arrow.linked.begin(), arrow.linked.end(), false) != arrow.linked.end();
+    if (any_alone) reduced_problem.top.reserve(arrow.blocks.size());
     Eigen::Index damped_rows = 0;
     for (std::size_t b = 0; b < arrow.blocks.size() && mu > 0.0; ++b)
         if (!arrow.linked[b]) damped_rows += arrow.blocks[b].latents;
     Eigen::MatrixXd stacked(width + damped_rows + width_of_chains, width);
     stacked.topRows(width) = arrow.pool;
     Eigen::Index row = width;
-    for (std::size_t b = 0; b < arrow.blocks.size(); ++b) {
+    for (std::size_t b = 0; any_alone && b < arrow.blocks.size(); ++b) {
         const BlockTriangle& block = arrow.blocks[b];
         const Eigen::Index l = block.latents;
         if (l == 0 || arrow.linked[b]) {

@@ -48,7 +48,7 @@ void eliminate_between(const Reduction& work, Elimination& step, const Edge& bef
     put_own(own, before.rows + after.rows, 0, work.width, a);
 
     Eigen::Index* order = space.order(std::max(l, both));
-    step.rank = eliminate(a, 0, 0, own.limit.data(), l, order);
+    step.rank = eliminate(a, 0, 0, own.limit, l, order);
     keep(a, order, step, level);
     const Eigen::Index between = eliminate(a, step.rank, l, space.zeros(both), both, order);
     made = {place, between, both + work.width, nullptr, nullptr};
@@ -82,7 +82,7 @@ void eliminate_last(const Reduction& work, ChainLevel& level, MatrixPool& space,
     for (std::size_t i = 0; i < work.left.size(); ++i) {
         const ChainNode& node = work.nodes[work.left[i]];
         put_own(node, row, i == 0 ? 0 : l, work.width, a);
-        limit.segment(i == 0 ? 0 : l, node.latents) = node.limit;
+        std::copy_n(node.limit, node.latents, limit.data() + (i == 0 ? 0 : l));
         row += own_rows(node);
     }
     Elimination step;

@@ -10,8 +10,8 @@
 namespace orbid::estimator {
 
 /// One node of a chain: rows on its own latent states, and rows that link it to the next node of the chain. All rows
-/// are weighted. `next` is the following node of the same chain (the first one again in a cyclic chain). Matrices are
-/// those of the stacked problem and not copied.
+/// are weighted. `next` is the following node of the same chain (the first one again in a cyclic chain). Matrices and
+/// vectors are those of the stacked problem and not copied.
 struct ChainNode {
     std::size_t block = 0;                   ///< which block of the stacked problem this is
     Eigen::Index latents = 0;                ///< l
@@ -19,8 +19,9 @@ struct ChainNode {
     const Eigen::MatrixXd* alone = nullptr;  ///< further rows of that shape; null: none
     /// [C_z | C_next | C_theta | c], shape (rows, l + l_next + q + 1); null at the end of an open chain
     const Eigen::MatrixXd* link = nullptr;
-    Eigen::VectorXd damping;                  ///< row k: damping[k] z_k, shape (l); empty: none
-    Eigen::VectorXd limit;                    ///< a column with less than this left is undetermined, shape (l)
+    double damping = 0.0;
+    const Eigen::VectorXd* norm = nullptr;    ///< further rows: damping norm[k] z_k, shape (l); null: none
+    const double* limit = nullptr;            ///< a column with less than this left is undetermined, shape (l)
     const std::vector<bool>* dead = nullptr;  ///< states that leave the problem; null: none
 };
 

@@ -52,7 +52,8 @@ void clear_dead(Matrix&& columns, const ChainNode& node) {
 }
 
 inline Eigen::Index own_rows(const ChainNode& node) {
-    return node.own->rows() + (node.alone != nullptr ? node.alone->rows() : 0) + node.damping.size();
+    return node.own->rows() + (node.alone != nullptr ? node.alone->rows() : 0) +
+           (node.norm != nullptr ? node.latents : 0);
 }
 
 /// Plain loops below: the matrices are as small as a state, and calls for general ones cost more than the copies.
@@ -74,8 +75,9 @@ inline void put_own(const ChainNode& node, Eigen::Index row, Eigen::Index first,
         put(rows->data() + node.latents * m, m, m, width, a.data() + common * a.rows() + row, a.rows());
         row += m;
     }
-    for (Eigen::Index k = 0; k < node.damping.size(); ++k)
-        if (node.dead == nullptr || !(*node.dead)[static_cast<std::size_t>(k)]) a(row + k, first + k) = node.damping[k];
+    for (Eigen::Index k = 0; node.norm != nullptr && k < node.latents; ++k)
+        if (node.dead == nullptr || !(*node.dead)[static_cast<std::size_t>(k)])
+            a(row + k, first + k) = node.damping * (*node.norm)[k];
     if (node.dead != nullptr) clear_dead(a.block(begin, first, row - begin, node.latents), node);
 }
 

@@ -53,9 +53,9 @@ ChainFactor joined(const ChainPart& left, const ChainPart& right, Eigen::Index w
     nodes[1].own = &right.own[0];
     nodes[1].alone = &left.own[1];
     nodes[2].own = &right.own[1];
-    nodes[0].limit = left.limit.head(left.first);
-    nodes[1].limit = right.limit.head(right.first);  // the second rank has the own rows of the node, and so its size
-    nodes[2].limit = right.limit.tail(right.last);
+    nodes[0].limit = left.limit.data();
+    nodes[1].limit = right.limit.data();  // the second rank has the own rows of the node, and so its size
+    nodes[2].limit = right.limit.data() + right.first;
     nodes[0].link = &left.rows;
     nodes[1].link = &right.rows;
     return factorise_chain(nodes, false, width - 1, !complete);

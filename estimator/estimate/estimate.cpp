@@ -101,14 +101,16 @@ Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& param
     const Posterior posterior(problem, rounds.set, state, rounds.minimum);
     report(problem, rounds.set, state, rounds.minimum, posterior, derived, result);
     result.log_integral = posterior.log_integral();
+    result.objective = posterior.objective();
+    result.log_likelihood = posterior.log_likelihood();
+    result.degrees_of_freedom = posterior.degrees_of_freedom();
+    // Only minima are compared from here on, and each has rows of its own.
+    rounds.minimum.rows = {};
     judge_estimate(problem, rounds, state, posterior, result);
     if (rounds.minimum.kink) {
         result.trust_normal = false;
         result.distrust = "the minimum lies at a kink of the objective, whose sides have different curvatures";
     }
-    result.objective = posterior.objective();
-    result.log_likelihood = posterior.log_likelihood();
-    result.degrees_of_freedom = posterior.degrees_of_freedom();
     return result;
 }
 

@@ -182,8 +182,8 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
         fill_law(problem, state, posterior, static_cast<int>(c), scale);
         double square = 0.0;
         for (std::size_t b = 0; b < set.blocks.size(); ++b)
-            for (std::size_t i = 0; i < set.blocks[b].channel.size(); ++i)
-                if (set.blocks[b].channel[i] == static_cast<int>(c)) {
+            for (std::size_t i = 0; i < set.blocks[b].channel().size(); ++i)
+                if (set.blocks[b].channel()[i] == static_cast<int>(c)) {
                     const double e = minimum.evaluation.values[b].e[static_cast<Eigen::Index>(i)];
                     square += e * e;
                     ++scale.count;

@@ -15,6 +15,13 @@ std::string described(const Problem& problem, const BlockSet& set, const ActiveB
     return std::string(problem.residuals[block.residual]->type()) + " \"" + label_of(set, block) + "\"";
 }
 
+/// What changes of a set whose blocks stay.
+ActiveSet without_blocks(ActiveSet set) {
+    set.layout.clear();
+    set.latents.clear();
+    return set;
+}
+
 /// Stages lower a continuity error by a factor of two at least: sixty cover more than the digits of a double.
 constexpr int provisional_limit = 60;
 
@@ -28,7 +35,7 @@ OuterLoop::OuterLoop(const Problem& problem, State& state, std::vector<ActiveSet
                                                     [](const BlockLayout& block) { return !block.active; }));
         counts.push_back(count);
     }
-    active_ = std::move(active);
+    set.active = std::move(active);
 }
 
 /// Takes the stopped blocks out. False when too much would be lost: half of a residual's blocks or more.
@@ -36,7 +43,7 @@ bool OuterLoop::suspend_stopped() {
     if (half_of_a_residual(set, minimum.stopped)) return false;
     for (const std::size_t b : minimum.stopped) {
         const ActiveBlock& block = set.blocks[b];
-        active_[block.residual].layout[block.block].active = false;
+        set.active[block.residual].layout[block.block].active = false;
         ++counts[block.residual].lost;
     }
     return true;
@@ -44,8 +51,8 @@ bool OuterLoop::suspend_stopped() {
 
 /// Blocks that are new, or came back, start from the latent states of the set.
 void OuterLoop::adopt_latents(std::size_t residual, const std::vector<bool>& was_active) {
-    const auto& fresh = active_[residual].latents;
-    const auto& layout = active_[residual].layout;
+    const auto& fresh = set.active[residual].latents;
+    const auto& layout = set.active[residual].layout;
     auto& latents = state_.latents[residual];
     latents.resize(layout.size());
     for (std::size_t b = 0; b < layout.size(); ++b) {
@@ -58,8 +65,9 @@ bool OuterLoop::update_active_set() {
     bool changed = false;
     std::size_t first = 0;
     const Eigen::VectorXd all_scales = scales_of(problem_.laws, state_.psi);
+    earlier_.clear();
     for (std::size_t r = 0; r < problem_.residuals.size(); ++r) {
-        ActiveSet& active = active_[r];
+        ActiveSet active = set.active[r];  // a stop leaves the set as it was
         std::vector<bool> was_active;
         for (const BlockLayout& block : active.layout)
             was_active.push_back(block.active);
@@ -73,36 +81,60 @@ bool OuterLoop::update_active_set() {
         counts[r].lost += report.lost;
         counts[r].rejected += report.rejected;
         counts[r].added += report.added;
+        earlier_.push_back(report.changed ? std::move(set.active[r]) : without_blocks(std::move(set.active[r])));
+        set.active[r] = std::move(active);
         if (report.changed) adopt_latents(r, was_active);
         changed = changed || report.changed;
     }
     return changed;
 }
 
+/// The sets of the last minimisation, where the next one came to nothing.
+void OuterLoop::restore() {
+    for (std::size_t r = 0; r < earlier_.size(); ++r) {
+        if (earlier_[r].layout.empty()) {
+            earlier_[r].layout = std::move(set.active[r].layout);
+            earlier_[r].latents = std::move(set.active[r].latents);
+        }
+        set.active[r] = std::move(earlier_[r]);
+    }
+    earlier_.clear();
+}
+
 /// Fixed scales as the sets have them now; in an intermediate stage the starts of the others as well.
-void OuterLoop::read_scales(bool provisional) {
+void OuterLoop::read_scales(const BlockSet& next) {
     for (const NoiseModel& law : problem_.laws) {
         if (law.joint()) continue;
         const Channel& channel = problem_.channels[static_cast<std::size_t>(law.channels.front())];
-        const double value = active_[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
+        const double value = next.active[channel.residual].groups[static_cast<std::size_t>(channel.group)].scale.value;
         const ErrorCoordinate& scale = law.coordinates.front();
-        if (value > 0.0 && (!scale.estimate || provisional)) state_.psi[law.first] = scale.at(value);
+        if (value > 0.0 && (!scale.estimate || next.provisional)) state_.psi[law.first] = scale.at(value);
     }
 }
 
 /// Minimises with the sets at hand. @return false: there is nothing to minimise
 bool OuterLoop::minimise_next() {
-    BlockSet next = freeze(problem_.residuals, active_, problem_.channels, problem_.laws);
+    BlockSet next = freeze(problem_.residuals, std::move(set.active), problem_.channels, problem_.laws);
     if (problem_.ranks != nullptr) {
         share_blocks(problem_, next);
         share_states(next, state_);
     }
-    if (ledger.round > 1) read_scales(next.provisional);
+    if (ledger.round > 1) read_scales(next);
     Minimum found;
-    if (next.records > 0)
-        found = minimise(problem_, next, state_, ledger);
-    else
-        found.message = "no residual record takes part";
+    try {
+        if (next.records > 0)
+            found = minimise(problem_, next, state_, ledger, [this] {
+                // What the last minimisation has come to is no longer needed.
+                minimum = {};
+                set.blocks = {};
+            });
+        else
+            found.message = "no residual record takes part";
+    } catch (const models::Stopped&) {
+        set.active = std::move(next.active);
+        throw;
+    }
+    earlier_.clear();
     set = std::move(next);
     minimum = std::move(found);
     return set.records > 0;
@@ -159,9 +191,9 @@ void OuterLoop::run() {
             reached = state_;
             if (!go_on(provisional)) break;
         }
-        set.active = std::move(active_);
     } catch (const models::Stopped&) {
         // Between two minimisations: what the last one has come to stays.
+        restore();
         if (set.blocks.empty() || minimum.outcome == Outcome::start_failed) throw;
         state_ = std::move(reached);
         minimum.outcome = Outcome::interrupted;

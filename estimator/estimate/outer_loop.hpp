@@ -27,12 +27,15 @@ private:
     bool go_on(int& provisional);
     bool suspend_stopped();
     bool update_active_set();
-    void read_scales(bool provisional);
+    void restore();
+    void read_scales(const BlockSet& next);
     void adopt_latents(std::size_t residual, const std::vector<bool>& was_active);
 
     const Problem& problem_;
     State& state_;
-    std::vector<ActiveSet> active_;  ///< for the next minimisation; `set` has those of the last one
+    /// The sets of the last minimisation as far as update_active_set() has changed them since: without blocks where
+    /// these are the same.
+    std::vector<ActiveSet> earlier_;
 };
 
 }  // namespace orbid::estimator

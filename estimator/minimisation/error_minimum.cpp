@@ -59,7 +59,9 @@ public:
           floor_(floor),
           ceiling_(ceiling),
           search_(search),
-          curvature_(search.known != nullptr ? *search.known : unknown_) {
+          curvature_(search.known != nullptr ? *search.known : unknown_),
+          droppable_(is_long(*problem.set) && std::none_of(problem.laws->begin(), problem.laws->end(),
+                                                           [](const NoiseModel& law) { return law.joint(); })) {
         minimum_.psi = start;
         for (Eigen::Index k = 0; k < start.size(); ++k)
             if (problem.free[static_cast<std::size_t>(k)]) minimum_.psi[k] = within_limits(k, start[k]);
@@ -96,6 +98,9 @@ private:
     std::vector<Eigen::Index> free_;  ///< not held at a limit
     ErrorCurvature unknown_;
     ErrorCurvature& curvature_;
+    /// Long data: what a point has factorised is given up before another one is evaluated. A search that ends there all
+    /// the same leaves none.
+    bool droppable_;
 };
 
 /// Frees all parameters but those that the gradient pushes against their limit.
@@ -114,6 +119,7 @@ void ErrorDescent::release() {
 void ErrorDescent::measure() {
     minimum_.distance = 0.0;
     if (free_.empty()) return;
+    if (free_ != curvature_.free && droppable_) point_.drop_factors();
     if (free_ != curvature_.free) curvature_.hessian = first_hessian(problem_, point_, minimum_.psi, free_);
     curvature_.free = free_;
     const Eigen::VectorXd gradient = point_.gradient(free_);
@@ -224,12 +230,14 @@ ErrorMinimum ErrorDescent::run() {
             take_untried(newton);
             break;
         }
-        ErrorTrial best = best_of(candidates(newton));
+        std::vector<Eigen::VectorXd> steps = candidates(newton);
+        if (droppable_) point_.drop_factors();
+        ErrorTrial best = best_of(std::move(steps));
         if (!(best.change < 0.0)) break;
         halve(best);
         move_to(std::move(best));
     }
-    if (at_psi_) minimum_.standard = std::move(point_.standard);
+    if (at_psi_ && !point_.standard.arrow.blocks.empty()) minimum_.standard = std::move(point_.standard);
     return std::move(minimum_);
 }
 

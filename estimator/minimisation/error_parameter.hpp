@@ -48,6 +48,14 @@ struct ErrorPoint {
     WhitenedArrow standard;  ///< rows kept
     ReducedProblem reduced_problem;  ///< in the columns of u
     Eigen::MatrixXd triangle;        ///< R of the determined parameters with prior, latent states eliminated
+
+    /// Frees all that has a part for every block.
+    void drop_factors() {
+        standard = {};
+        reduced_problem.top.clear();
+        reduced_problem.chains.clear();
+        reduced_problem.joins.reset();
+    }
 };
 
 /// d/dpsi_k = d(-ln p)/dpsi_k + tr(P S^T dS/dpsi_k), P = covariance of (z, theta) ("ml": of z), see (M10) for scales.

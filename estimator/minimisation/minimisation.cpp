@@ -9,19 +9,21 @@
 
 namespace orbid::estimator {
 
-bool Minimisation::start() {
+bool Minimisation::start(const std::function<void()>& begun) {
     if (is_plain_least_squares(problem_, set_)) {
         minimum_.evaluation = solve_plain_least_squares(problem_, set_, state_, ledger_);
     } else {
         minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
         ++ledger_.evaluations;
     }
+    if (begun) begun();
     if (minimum_.evaluation.any_failed) {
         minimum_.stopped = minimum_.evaluation.failed;
         minimum_.outcome = Outcome::start_failed;
         return false;
     }
     minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.drop_derivatives(set_);
     minimum_.prior = prior_at(problem_, state_.u);
     minimum_.error_at_floor.assign(problem_.errors.size(), false);
     minimum_.error_at_ceiling = minimum_.error_at_floor;
@@ -30,9 +32,9 @@ bool Minimisation::start() {
     return true;
 }
 
-Minimum Minimisation::run() {
+Minimum Minimisation::run(const std::function<void()>& begun) {
     using enum Decision::Next;
-    if (!start() || !update_errors()) return std::move(minimum_);
+    if (!start(begun) || !update_errors()) return std::move(minimum_);
     tell_step({.iteration = ledger_.iterations,
                .round = ledger_.round,
                .provisional = set_.provisional,
@@ -118,7 +120,9 @@ bool Minimisation::update_errors() {
 /// The error parameters at their minimum.
 void Minimisation::search_errors(Follow follow) {
     std::optional<WhitenedArrow> standard;
+    const bool dropped = is_long(set_);
     if (one_curvature_) standard = std::move(standard_);
+    if (dropped) drop_factors();
     const Eigen::VectorXd psi = errors_.searched(follow, model_length_, state_, minimum_, ledger_, standard);
     if (!one_curvature_) standard.reset();
     if (psi != state_.psi) {
@@ -126,9 +130,11 @@ void Minimisation::search_errors(Follow follow) {
             state_.psi = psi;
             standard ? take_factor(*std::move(standard)) : factorise_errors();
         });
-    } else if (standard) {
+    } else if (standard && !dropped) {
         standard_ = *std::move(standard);
-    } else if (one_curvature_) {
+    } else if (standard) {
+        take_factor(*std::move(standard));
+    } else if (one_curvature_ || dropped) {
         factorise_errors();
     }
 }

@@ -30,7 +30,8 @@ public:
           stopping_(problem, set, ledger),
           one_curvature_(has_one_curvature(set, problem.laws)) {}
 
-    Minimum run();
+    /// @param begun  see minimise()
+    Minimum run(const std::function<void()>& begun);
     /// Whether run() gave up in a stage of loose constraints that did not settle.
     [[nodiscard]] bool unsettled() const { return stages_.unsettled(); }
 
@@ -40,15 +41,15 @@ private:
         State state;
         PriorModel prior;
         Evaluation evaluation;
-        std::vector<BlockRows> rows;  ///< linearisation there, if it was needed
-        double change = infinity;     ///< of the objective
-        double gain = -infinity;      ///< actual over predicted decrease
-        double curvature = -1.0;      ///< true second derivative along the step
-        double keep = 0.25;           ///< share of the step to keep after a rejection
+        double change = infinity;  ///< of the objective
+        double gain = -infinity;   ///< actual over predicted decrease
+        double curvature = -1.0;   ///< true second derivative along the step
+        double keep = 0.25;        ///< share of the step to keep after a rejection
         StepRejection reason = StepRejection::none;
+        bool slopes_compared = false;
     };
 
-    bool start();
+    bool start(const std::function<void()>& begun);
     bool go_on();
     bool after_step();
     bool update_errors();
@@ -57,6 +58,7 @@ private:
     void search_errors(Follow follow);
     void factorise_errors();
     void take_factor(WhitenedArrow standard);
+    void drop_factors();
     void set_model();
     const TrialStep& full_step();
     [[nodiscard]] double initial_radius() const;

@@ -149,8 +149,10 @@ Minimisation::Kink Minimisation::examine_kink() {
         if (bundle.size() > 1 && step_along_kink(step)) return Kink::left;
         derivatives_at_trial_ = true;
         const Trial trial = evaluated(scaled(step, near_sds / length));
-        if (trial.rows.empty()) return Kink::none;
-        const Eigen::VectorXd gradient = gradient_of(trial.rows, trial.prior);
+        if (!trial.slopes_compared) return Kink::none;
+        const Eigen::VectorXd gradient = gradient_of(
+            linearise(set_, problem_.laws, trial.evaluation.values, problem_.coordinates, trial.state.theta),
+            trial.prior);
         // The same piece as before, which falls where the objective does not: it jumps, or the derivatives are wrong.
         if (gradient.dot(p) < falling_share * step.slope) return examine_jump(step);
         bundle.add(gradient);

@@ -23,7 +23,17 @@ double Minimisation::misfit() const {
     return 0.5 * set_.spread.sum(square);
 }
 
+/// What is factorised is not kept beside what takes its place. The reduced problem of the parameters stays.
+void Minimisation::drop_factors() {
+    full_.reset();
+    standard_ = {};
+    reduced_.top.clear();
+    reduced_.chains.clear();
+    reduced_.joins.reset();
+}
+
 void Minimisation::factorise_errors() {
+    drop_factors();
     take_factor(
         standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), one_curvature_));
 }

@@ -59,14 +59,13 @@ bool Minimisation::judged_by_gradients(double curvature) const {
 
 /// Tiny steps: the gradients at both ends keep what the difference of two objectives loses to rounding.
 void Minimisation::compare_slopes(const TrialStep& step, Trial& trial) const {
-    trial.rows = linearise(set_, problem_.laws, trial.evaluation.values, problem_.coordinates, trial.state.theta);
-    const BlockArrow arrow =
-        standard_arrow(trial.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), false, false, set_.spread)
-            .arrow;
     const double slope =
-        model_change(arrow, step.parameters.d, step.latents).linear + trial.prior.gradient.dot(step.parameters.d);
+        slopes_along(set_, trial.evaluation.values, problem_.coordinates, trial.state.theta, problem_.laws,
+                     {state_.psi, minimum_.matching, curvature()}, {{step.parameters.d, step.latents}})[0] +
+        trial.prior.gradient.dot(step.parameters.d);
     trial.change = 0.5 * (step.slope + slope);
     trial.curvature = slope - step.slope;
+    trial.slopes_compared = true;
 }
 
 /// Whether a trial lowers the objective enough, and has the derivatives that the next step needs.
@@ -90,10 +89,10 @@ void Minimisation::adopt(const TrialStep& step, Trial trial) {
                    : 1.0;
     ++ledger_.iterations;
     state_ = std::move(trial.state);
-    if (trial.rows.empty())
-        trial.rows = linearise(set_, problem_.laws, trial.evaluation.values, problem_.coordinates, state_.theta);
     minimum_.evaluation = std::move(trial.evaluation);
-    minimum_.rows = std::move(trial.rows);
+    minimum_.rows.clear();
+    minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
+    minimum_.drop_derivatives(set_);
     minimum_.prior = std::move(trial.prior);
     derivatives_at_trial_ = true;
     if (last_.gain < 0.25)

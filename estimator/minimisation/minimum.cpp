@@ -1,6 +1,8 @@
 #include "estimator/minimisation/minimum.hpp"
 
+#include <algorithm>
 #include <cstdio>
+#include <optional>
 
 #include "estimator/minimisation/minimisation.hpp"
 
@@ -18,6 +20,31 @@ void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd&
     problem.options.watched(report);
 }
 
+void Minimum::drop_derivatives(const BlockSet& set) {
+    if (set.latents == 0) return;
+    const auto whole = [](const PartRows& part) { return part.records.rows.rows() == part.records.count; };
+    const bool all = std::all_of(rows.begin(), rows.end(), [&](const BlockRows& block) {
+        return std::all_of(block.parts.begin(), block.parts.end(), whole) &&
+               std::all_of(block.linked_parts.begin(), block.linked_parts.end(), whole);
+    });
+    if (!all) return;
+    // What stays is copied: freed one by one, the derivatives would leave holes all over the memory between what stays,
+    // and filling them takes longer than the copies.
+    std::vector<BlockValue> kept(evaluation.values.size());
+    for (std::size_t b = 0; b < kept.size(); ++b) {
+        kept[b].status = evaluation.values[b].status;
+        kept[b].e = evaluation.values[b].e;
+        kept[b].c = evaluation.values[b].c;
+    }
+    evaluation.values = std::move(kept);
+    derivatives_dropped_ = true;
+}
+
+std::vector<BlockRows> Minimum::all_rows(const Problem& problem, const BlockSet& set, const State& state) const {
+    if (derivatives_dropped_) return rows;
+    return linearise(set, problem.laws, evaluation.values, problem.coordinates, state.theta, false);
+}
+
 ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Minimum& minimum, Follow follow) {
     ErrorProblem errors;
     errors.set = &set;
@@ -33,13 +60,17 @@ ErrorProblem error_problem(const Problem& problem, const BlockSet& set, const Mi
     return errors;
 }
 
-Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger) {
-    const State start = state;
-    Minimisation unlimited(problem, set, state, ledger, false);
-    Minimum minimum = unlimited.run();
-    if (!unlimited.unsettled()) return minimum;
-    state = start;
-    return Minimisation(problem, set, state, ledger, true).run();
+Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger,
+                 const std::function<void()>& begun) {
+    // Only stages of constraints may have to begin again.
+    const std::optional<State> start = set.constraints > 0 ? std::optional(state) : std::nullopt;
+    {
+        Minimisation unlimited(problem, set, state, ledger, false);
+        Minimum minimum = unlimited.run(begun);
+        if (!start || !unlimited.unsettled()) return minimum;
+    }
+    state = *start;
+    return Minimisation(problem, set, state, ledger, true).run({});
 }
 
 }  // namespace orbid::estimator

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,8 @@ enum class Outcome { converged, no_progress, iteration_limit, interrupted, block
 struct Minimum {
     Outcome outcome = Outcome::start_failed;
     std::string message;
-    Evaluation evaluation;               ///< at the state, with derivatives
+    /// At the state. Derivatives stay only where `rows` are shortened; see drop_derivatives().
+    Evaluation evaluation;
     std::vector<BlockRows> rows;         ///< linearisation at the state
     PriorModel prior;                    ///< at the state
     BoundedStep step;                    ///< the remaining full step: its basis and active bounds describe the minimum
@@ -29,6 +31,16 @@ struct Minimum {
     double matching = 1.0;
     double remaining = 0.0;  ///< length of the remaining full step, in posterior sds
     bool kink = false;       ///< several smooth pieces of the objective meet here; `step` is that of one of them
+
+    /// Frees the derivatives of the evaluation where the rows hold all of them: with latent states there are many
+    /// blocks of few records.
+    void drop_derivatives(const BlockSet& set);
+    /// Rows of all records, none shortened, at the state.
+    [[nodiscard]] std::vector<BlockRows> all_rows(const Problem& problem, const BlockSet& set,
+                                                  const State& state) const;
+
+private:
+    bool derivatives_dropped_ = false;
 };
 
 /// Counters and history over all rounds.
@@ -61,6 +73,8 @@ void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd&
 /// smooth pieces that meet there, see GradientBundle. A few more steps follow as long as they gain digits. If no
 /// shorter step decreases Phi although its length is below `rounding_sds`, the residuals' own rounding is reached:
 /// converged too, and the message says so. Otherwise no_progress.
-[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger);
+/// @param begun  called once the start is evaluated; from then on no models::Stopped is thrown.
+[[nodiscard]] Minimum minimise(const Problem& problem, const BlockSet& set, State& state, SolverStatistics& ledger,
+                               const std::function<void()>& begun = {});
 
 }  // namespace orbid::estimator

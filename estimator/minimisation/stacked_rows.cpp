@@ -23,7 +23,7 @@ constexpr double least_independence = 1e-4;
 
 StackedRows::StackedRows(const BlockSet& set) : set_(set) {
     for (std::size_t b = 0; b < set.blocks.size(); ++b) {
-        const auto own = static_cast<Eigen::Index>(set.blocks[b].channel.size());
+        const auto own = static_cast<Eigen::Index>(set.blocks[b].channel().size());
         for (Eigen::Index first = 0; first < own; first += piece_records)
             pieces_.push_back({b, first, std::min(piece_records, own - first), records_ + first});
         records_ += own;

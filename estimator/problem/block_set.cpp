@@ -16,14 +16,14 @@ namespace {
 
 void check_value(const BlockValue& value, const ActiveBlock& block, const std::string& label, Eigen::Index parameters,
                  Eigen::Index next_latents, bool derivatives) {
-    const auto records = static_cast<Eigen::Index>(block.channel.size());
+    const auto records = static_cast<Eigen::Index>(block.channel().size());
     const auto shaped = [](const Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index columns) {
         return rows == 0 || columns == 0 || (matrix.rows() == rows && matrix.cols() == columns);
     };
     const bool fits = value.e.size() == records && (block.constraints == 0 || value.c.size() == block.constraints) &&
                       (!derivatives || (value.e_theta.rows() == records && value.e_theta.cols() == parameters &&
                                         shaped(value.e_z, records, block.latents) &&
-                                        (block.linked_parts.empty() || shaped(value.e_next, records, next_latents)) &&
+                                        (block.linked_parts().empty() || shaped(value.e_next, records, next_latents)) &&
                                         shaped(value.c_theta, block.constraints, parameters) &&
                                         shaped(value.c_z, block.constraints, block.latents) &&
                                         shaped(value.c_next, block.constraints, next_latents)));
@@ -44,7 +44,7 @@ bool finite(const BlockValue& value, const ActiveBlock& block, bool derivatives)
     if (!all_finite(value.e) || (block.constraints > 0 && !all_finite(value.c))) return false;
     if (!derivatives) return true;
     if (!all_finite(value.e_theta) || !all_finite(value.e_z)) return false;
-    if (!block.linked_parts.empty() && !all_finite(value.e_next)) return false;
+    if (!block.linked_parts().empty() && !all_finite(value.e_next)) return false;
     return block.constraints == 0 || (all_finite(value.c_theta) && all_finite(value.c_z) && all_finite(value.c_next));
 }
 
@@ -56,8 +56,8 @@ bool predicted(const BlockValue& value, const ActiveBlock& block, const std::vec
             if (!(part.observed[static_cast<Eigen::Index>(i)] - value.e[part.records[i]] > 0.0)) return false;
         return true;
     };
-    return std::all_of(block.parts.begin(), block.parts.end(), positive) &&
-           std::all_of(block.linked_parts.begin(), block.linked_parts.end(), positive);
+    return std::all_of(block.parts().begin(), block.parts().end(), positive) &&
+           std::all_of(block.linked_parts().begin(), block.linked_parts().end(), positive);
 }
 
 }  // namespace
@@ -89,10 +89,14 @@ Evaluation evaluate_here(const std::vector<const Residual*>& residuals, const Bl
                                         std::to_string(set.active[r].layout.size()));
     }
     Evaluation evaluation;
-    evaluation.values.reserve(set.blocks.size());
+    // Blocks have the order of their residual's: all answers of a single one are taken as they are.
+    const bool all = answers.size() == 1 && answers.front().size() == set.blocks.size();
+    if (all) evaluation.values = std::move(answers.front());
+    evaluation.values.resize(set.blocks.size());
     for (std::size_t a = 0; a < set.blocks.size(); ++a) {
         const ActiveBlock& block = set.blocks[a];
-        BlockValue& value = answers[block.residual][block.block];
+        BlockValue& value = evaluation.values[a];
+        if (!all) value = std::move(answers[block.residual][block.block]);
         if (value.status == BlockStatus::ok) {
             const Eigen::Index next_latents =
                 block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
@@ -101,7 +105,6 @@ Evaluation evaluate_here(const std::vector<const Residual*>& residuals, const Bl
                 value.status = BlockStatus::failed;
         }
         if (value.status != BlockStatus::ok) evaluation.failed.push_back(a);
-        evaluation.values.push_back(std::move(value));
     }
     return evaluation;
 }
@@ -171,13 +174,13 @@ double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, co
     for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         for (std::size_t b = begin; b < end; ++b) {
             const ActiveBlock& block = set.blocks[b];
-            for (const std::vector<LawPart>* parts : {&block.parts, &block.linked_parts})
+            for (const std::vector<LawPart>* parts : {&block.parts(), &block.linked_parts()})
                 for (const LawPart& part : *parts)
                     change[piece] += part_change(block, part, laws[part.law], psi, from[b].e, to[b].e);
             if (block.cholesky.size() == 0) continue;
             Eigen::MatrixXd pair(from[b].e.size(), 2);
             pair << to[b].e - from[b].e, to[b].e + from[b].e;
-            whiten(block.channel, block.cholesky, scale, pair);
+            whiten(block.channel(), block.cholesky, scale, pair);
             change[piece] += 0.5 * pair.col(0).dot(pair.col(1));
         }
     });

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -28,19 +29,28 @@ struct LawPart {
     Eigen::VectorXd observed;  ///< y of the records; empty unless the law needs it
 };
 
+/// How the records of a block are sorted. Most blocks of a residual are alike and share one of these.
+struct BlockRecords {
+    std::vector<int> channel;           ///< of each record, index into the channels of the estimate; -1: not used
+    std::vector<LawPart> parts;         ///< the records by law; empty with a covariance shape
+    std::vector<LawPart> linked_parts;  ///< those that depend on the latent states of `next` as well
+};
+
 /// One active block of a minimisation.
 struct ActiveBlock {
     std::size_t residual = 0;
     std::size_t block = 0;
-    std::vector<int> channel;  ///< of each record, index into the channels of the estimate; -1: not used
+    std::shared_ptr<const BlockRecords> records;  ///< never null in a BlockSet
     Eigen::Index latents = 0;
-    Eigen::MatrixXd cholesky;           ///< lower L, Sigma_b = L L^T; empty = identity
-    Eigen::VectorXd deviation;          ///< known sd of each record; empty = 1
-    std::vector<LawPart> parts;         ///< the records by law; empty with a covariance shape
-    std::vector<LawPart> linked_parts;  ///< those that depend on the latent states of `next` as well
+    Eigen::MatrixXd cholesky;   ///< lower L, Sigma_b = L L^T; empty = identity
+    Eigen::VectorXd deviation;  ///< known sd of each record; empty = 1
     Eigen::Index constraints = 0;
     std::ptrdiff_t next = -1;         ///< index into BlockSet::blocks
     Eigen::VectorXd constraint_size;  ///< shape (constraints)
+
+    [[nodiscard]] const std::vector<int>& channel() const { return records->channel; }
+    [[nodiscard]] const std::vector<LawPart>& parts() const { return records->parts; }
+    [[nodiscard]] const std::vector<LawPart>& linked_parts() const { return records->linked_parts; }
 };
 
 /// The set of blocks of one minimisation; it does not change while the objective is minimised (M11).

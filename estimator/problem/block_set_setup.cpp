@@ -1,5 +1,8 @@
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "estimator/problem/block_set.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
@@ -13,7 +16,7 @@ namespace {
 }
 
 /// Sorts the records [begin, end) of a block by law.
-std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from, const std::vector<NoiseModel>& laws,
+std::vector<LawPart> parts_of(const BlockRecords& records, const BlockLayout& from, const std::vector<NoiseModel>& laws,
                               std::size_t begin, std::size_t end) {
     std::vector<LawPart> parts;
     for (std::size_t l = 0; l < laws.size(); ++l) {
@@ -23,7 +26,7 @@ std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from,
         for (const int channel : law.channels) {
             const std::size_t before = part.records.size();
             for (std::size_t i = begin; i < end; ++i)
-                if (block.channel[i] == channel) part.records.push_back(static_cast<Eigen::Index>(i));
+                if (records.channel[i] == channel) part.records.push_back(static_cast<Eigen::Index>(i));
             const std::size_t own = part.records.size() - before;
             if (channel == law.channels.front()) first = own;
             if (own != first)
@@ -32,10 +35,9 @@ std::vector<LawPart> parts_of(const ActiveBlock& block, const BlockLayout& from,
         }
         if (part.records.empty()) continue;
         if (law.needs_observed()) {
-            if (from.observed.size() != static_cast<Eigen::Index>(block.channel.size()))
+            if (from.observed.size() != static_cast<Eigen::Index>(records.channel.size()))
                 refuse_block(from, "log-normal and relative errors need the observed value of every record");
-            if (block.deviation.size() > 0)
-                refuse_block(from, "known sds do not go with log-normal or relative errors");
+            if (from.deviation.size() > 0) refuse_block(from, "known sds do not go with log-normal or relative errors");
             part.observed.resize(static_cast<Eigen::Index>(part.records.size()));
             for (std::size_t i = 0; i < part.records.size(); ++i) {
                 const double y = from.observed[part.records[i]];
@@ -81,7 +83,7 @@ void check_links(const BlockLayout& from, LatentStructure structure, std::size_t
 /// How the records of a law may depend on latent states: all of them alike, for their scale is one.
 enum class Place : char { nowhere, own, linked };
 
-void check_places(const ActiveBlock& block, const BlockLayout& from, std::vector<Place>& place) {
+void check_places(const BlockRecords& records, const BlockLayout& from, std::vector<Place>& place) {
     const auto check = [&](const LawPart& part, Place here) {
         if (place[part.law] != Place::nowhere && place[part.law] != here)
             refuse_block(from,
@@ -89,24 +91,70 @@ void check_places(const ActiveBlock& block, const BlockLayout& from, std::vector
                          "are not");
         place[part.law] = here;
     };
-    for (const LawPart& part : block.parts)
+    for (const LawPart& part : records.parts)
         check(part, Place::own);
-    for (const LawPart& part : block.linked_parts)
+    for (const LawPart& part : records.linked_parts)
         check(part, Place::linked);
 }
 
-/// @param groups  of the residual; the first one is channel `first_channel`.
-void take_records(const BlockLayout& from, int groups, int first_channel, bool joined, ActiveBlock& block,
-                  BlockSet& set) {
-    const std::size_t linked = first_linked(from);
-    block.channel.reserve(from.group.size());
-    for (const int g : from.group) {
-        if (g < 0 || g >= groups)
-            refuse_block(from, "group " + std::to_string(g) + " does not exist, there are " + std::to_string(groups));
-        const bool counts = block.channel.size() < linked || joined;
-        block.channel.push_back(counts ? first_channel + g : -1);
-        if (!counts) continue;
-        set.count[first_channel + g] += 1.0;
+/// Makes the records of blocks. What was made last for blocks with and without linked records is used again.
+class RecordSorter {
+public:
+    /// @param groups  of the residual; the first one is channel `first_channel`.
+    RecordSorter(const std::vector<NoiseModel>& laws, int groups, int first_channel, std::vector<Place>& places)
+        : laws_(laws), groups_(groups), first_channel_(first_channel), places_(places) {
+        needs_observed_ =
+            std::any_of(laws.begin(), laws.end(), [](const NoiseModel& law) { return law.needs_observed(); });
+    }
+
+    /// @param joined  linked records count.
+    std::shared_ptr<const BlockRecords> of(const BlockLayout& from, bool joined) {
+        Made& last = made_[joined ? 1 : 0];
+        if (last.records == nullptr || needs_observed_ || from.shape.size() > 0 || last.shaped ||
+            last.group != from.group || last.linked != first_linked(from))
+            last = {from.group, first_linked(from), from.shape.size() > 0, made(from, joined)};
+        return last.records;
+    }
+
+private:
+    /// Records, and what they were made from.
+    struct Made {
+        std::vector<int> group;
+        std::size_t linked = 0;
+        bool shaped = false;
+        std::shared_ptr<const BlockRecords> records;
+    };
+
+    [[nodiscard]] std::shared_ptr<const BlockRecords> made(const BlockLayout& from, bool joined) const {
+        BlockRecords records;
+        const std::size_t linked = first_linked(from);
+        records.channel.reserve(from.group.size());
+        for (const int g : from.group) {
+            if (g < 0 || g >= groups_)
+                refuse_block(from,
+                             "group " + std::to_string(g) + " does not exist, there are " + std::to_string(groups_));
+            records.channel.push_back(records.channel.size() < linked || joined ? first_channel_ + g : -1);
+        }
+        if (from.shape.size() == 0) {
+            records.parts = parts_of(records, from, laws_, 0, linked);
+            if (joined) records.linked_parts = parts_of(records, from, laws_, linked, from.group.size());
+            check_places(records, from, places_);
+        }
+        return std::make_shared<const BlockRecords>(std::move(records));
+    }
+
+    const std::vector<NoiseModel>& laws_;
+    int groups_;
+    int first_channel_;
+    std::vector<Place>& places_;
+    bool needs_observed_ = false;
+    std::array<Made, 2> made_;
+};
+
+void count_records(const ActiveBlock& block, BlockSet& set) {
+    for (const int c : block.channel()) {
+        if (c < 0) continue;
+        set.count[c] += 1.0;
         ++set.records;
     }
 }
@@ -119,7 +167,7 @@ void take_deviations(const BlockLayout& from, ActiveBlock& block, BlockSet& set)
     if (from.shape.size() > 0) refuse_block(from, "has both known sds and a covariance shape: give one of them");
     block.deviation = from.deviation;
     for (Eigen::Index i = 0; i < records; ++i)
-        if (block.channel[static_cast<std::size_t>(i)] >= 0) set.ln_det_shapes += 2.0 * std::log(from.deviation[i]);
+        if (block.channel()[static_cast<std::size_t>(i)] >= 0) set.ln_det_shapes += 2.0 * std::log(from.deviation[i]);
 }
 
 void take_shape(const BlockLayout& from, const std::vector<const NoiseModel*>& law_of, ActiveBlock& block,
@@ -135,7 +183,7 @@ void take_shape(const BlockLayout& from, const std::vector<const NoiseModel*>& l
         refuse_block(from, "covariance shape must be symmetric and positive definite");
     block.cholesky = factor.lower();
     set.ln_det_shapes += 2.0 * block.cholesky.diagonal().array().log().sum();
-    for (const int c : block.channel) {
+    for (const int c : block.channel()) {
         const NoiseModel* law = law_of[static_cast<std::size_t>(c)];
         if (law->joint() || !std::holds_alternative<NormalErrors>(law->distribution))
             refuse_block(from, "a covariance shape needs normal errors in all its groups");
@@ -192,7 +240,9 @@ BlockSet freeze(const std::vector<const Residual*>& residuals, std::vector<Activ
         const LatentStructure structure = residuals[r]->structure();
         set.provisional = set.provisional || set.active[r].is_intermediate_stage;
         const std::size_t first_block = set.blocks.size();
+        set.blocks.reserve(first_block + layout.size());
         std::vector<std::ptrdiff_t> place(layout.size(), -1);
+        RecordSorter sorter(laws, groups, first_channel, places);
         for (std::size_t b = 0; b < layout.size(); ++b) {
             const BlockLayout& from = layout[b];
             if (!takes_part(from)) continue;
@@ -201,20 +251,14 @@ BlockSet freeze(const std::vector<const Residual*>& residuals, std::vector<Activ
             block.residual = r;
             block.block = b;
             block.latents = from.latents;
-            const std::size_t linked = first_linked(from);
             const bool joined = from.next >= 0 && takes_part(layout[static_cast<std::size_t>(from.next)]);
-            take_records(from, groups, first_channel, joined, block, set);
+            block.records = sorter.of(from, joined);
+            count_records(block, set);
             if (from.deviation.size() > 0) take_deviations(from, block, set);
-            if (from.shape.size() == 0) {
-                block.parts = parts_of(block, from, laws, 0, linked);
-                if (joined) block.linked_parts = parts_of(block, from, laws, linked, from.group.size());
-                check_places(block, from, places);
-                if (!block.linked_parts.empty()) {
-                    block.next = from.next;
-                    set.linked = true;
-                }
-            } else {
-                take_shape(from, law_of, block, set);
+            if (from.shape.size() > 0) take_shape(from, law_of, block, set);
+            if (!block.linked_parts().empty()) {
+                block.next = from.next;
+                set.linked = true;
             }
             if (from.constraints > 0 && (from.next < 0 || joined)) take_constraints(from, block);
             set.latents += from.latents;

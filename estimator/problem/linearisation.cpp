@@ -1,8 +1,7 @@
 #include "estimator/problem/linearisation.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
+#include <cassert>
 
 #include "estimator/algebra/block_loop.hpp"
 
@@ -62,45 +61,52 @@ Eigen::MatrixXd in_basis(const Eigen::MatrixXd& rows, Eigen::Index before, const
     return reduced;
 }
 
+Eigen::VectorXd slopes_of(const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta) {
+    Eigen::VectorXd slope(theta.size());
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
+        slope[i] = coordinates[static_cast<std::size_t>(i)].slope(theta[i]);
+    return slope;
+}
+
+/// Rows of one block. @param slope  d theta / d u.
+BlockRows linearised(const BlockSet& set, const std::vector<NoiseModel>& laws, const BlockValue& value,
+                     const Eigen::VectorXd& slope, std::size_t b, bool compressed) {
+    const ActiveBlock& block = set.blocks[b];
+    BlockRows rows;
+    rows.latents = block.latents;
+    rows.cholesky = &block.cholesky;
+    rows.next = block.next;
+    rows.next_latents = block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
+    const auto take = [&](const std::vector<LawPart>& from, Eigen::Index after, std::vector<PartRows>& to) {
+        to.reserve(from.size());
+        for (const LawPart& part : from) {
+            to.push_back({part.law, part_records(block, part, laws[part.law], value, slope, after)});
+            // The R factor instead of the rows where that is shorter.
+            Eigen::MatrixXd& own = to.back().records.rows;
+            if (compressed && laws[part.law].compressible() && own.rows() > 2 * own.cols()) own = upper_triangle(own);
+        }
+    };
+    take(block.parts(), 0, rows.parts);
+    take(block.linked_parts(), rows.next_latents, rows.linked_parts);
+    if (block.cholesky.size() > 0) {
+        rows.channel = block.channel();
+        rows.rows = joined(value.e_z, block.latents, {}, 0, value.e_theta, slope, value.e);
+    }
+    if (block.constraints > 0)
+        rows.link = block.constraint_size.cwiseInverse().asDiagonal() *
+                    joined(value.c_z, block.latents, value.c_next, rows.next_latents, value.c_theta, slope, value.c);
+    return rows;
+}
+
 }  // namespace
 
 std::vector<BlockRows> linearise(const BlockSet& set, const std::vector<NoiseModel>& laws,
                                  const std::vector<BlockValue>& values, const std::vector<Coordinate>& coordinates,
                                  const Eigen::VectorXd& theta, bool compressed) {
-    Eigen::VectorXd slope(theta.size());
-    for (Eigen::Index i = 0; i < theta.size(); ++i)
-        slope[i] = coordinates[static_cast<std::size_t>(i)].slope(theta[i]);
+    const Eigen::VectorXd slope = slopes_of(coordinates, theta);
     std::vector<BlockRows> result(set.blocks.size());
-    const auto linearise_block = [&](std::size_t b) {
-        const ActiveBlock& block = set.blocks[b];
-        const BlockValue& value = values[b];
-        BlockRows& rows = result[b];
-        rows.latents = block.latents;
-        rows.cholesky = &block.cholesky;
-        rows.next = block.next;
-        rows.next_latents = block.next >= 0 ? set.blocks[static_cast<std::size_t>(block.next)].latents : 0;
-        const auto take = [&](const std::vector<LawPart>& from, Eigen::Index after, std::vector<PartRows>& to) {
-            to.reserve(from.size());
-            for (const LawPart& part : from) {
-                to.push_back({part.law, part_records(block, part, laws[part.law], value, slope, after)});
-                // The R factor instead of the rows where that is shorter.
-                Eigen::MatrixXd& own = to.back().records.rows;
-                if (compressed && laws[part.law].compressible() && own.rows() > 2 * own.cols())
-                    own = upper_triangle(own);
-            }
-        };
-        take(block.parts, 0, rows.parts);
-        take(block.linked_parts, rows.next_latents, rows.linked_parts);
-        if (block.cholesky.size() > 0) {
-            rows.channel = block.channel;
-            rows.rows = joined(value.e_z, block.latents, {}, 0, value.e_theta, slope, value.e);
-        }
-        if (block.constraints > 0)
-            rows.link =
-                block.constraint_size.cwiseInverse().asDiagonal() *
-                joined(value.c_z, block.latents, value.c_next, rows.next_latents, value.c_theta, slope, value.c);
-    };
-    for_blocks(set.blocks.size(), linearise_block);
+    for_blocks(set.blocks.size(),
+               [&](std::size_t b) { result[b] = linearised(set, laws, values[b], slope, b, compressed); });
     return result;
 }
 
@@ -129,67 +135,17 @@ std::vector<BlockRows> in_basis(const std::vector<BlockRows>& rows, const Eigen:
     return result;
 }
 
-WhitenedRows standard_rows(const BlockRows& block, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
-                           Curvature curvature) {
-    WhitenedRows result;
-    if (block.rows.size() > 0) {
-        const Eigen::VectorXd scale = scales_of(laws, psi);
-        result.rows = block.rows;
-        whiten(block.channel, *block.cholesky, scale, result.rows);
-        result.value = 0.5 * result.rows.rightCols(1).squaredNorm() +
-                       0.5 * std::log(2.0 * std::numbers::pi) * static_cast<double>(block.channel.size());
-        for (const int c : block.channel)
-            result.value += std::log(scale[c]);
-        return result;
-    }
-    return standard_rows(block.parts, laws, psi, curvature);
-}
-
-WhitenedRows standard_rows(const std::vector<PartRows>& from, const std::vector<NoiseModel>& laws,
-                           const Eigen::VectorXd& psi, Curvature curvature) {
-    WhitenedRows result;
-    if (from.size() == 1) {
-        const PartRows& part = from.front();
-        return whitened_rows(laws[part.law], part.records, laws[part.law].own(psi), curvature);
-    }
-    std::vector<WhitenedRows> parts;
-    Eigen::Index count = 0;
-    for (const PartRows& part : from) {
-        parts.push_back(whitened_rows(laws[part.law], part.records, laws[part.law].own(psi), curvature));
-        count += parts.back().rows.rows();
-        result.value += parts.back().value;
-    }
-    if (parts.empty()) return result;
-    result.rows.resize(count, parts.front().rows.cols());
-    Eigen::Index row = 0;
-    for (const WhitenedRows& part : parts) {
-        result.rows.middleRows(row, part.rows.rows()) = part.rows;
-        row += part.rows.rows();
-    }
-    return result;
+bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws) {
+    return std::all_of(set.blocks.begin(), set.blocks.end(), [&](const ActiveBlock& block) {
+        const auto same = [&](const LawPart& part) { return laws[part.law].has_one_curvature(); };
+        // Links are guarded in steps, and slack ones in expectation as well.
+        const auto same_link = [&](const LawPart& part) { return same(part) || laws[part.law].slack; };
+        return std::all_of(block.parts().begin(), block.parts().end(), same) &&
+               std::all_of(block.linked_parts().begin(), block.linked_parts().end(), same_link);
+    });
 }
 
 namespace {
-
-/// With a covariance shape: d(L^-1 D^-1 A) = -L^-1 E_g L (L^-1 D^-1 A), E_g picks the rows of the channel.
-void shaped_derivative(const BlockRows& block, const std::vector<NoiseModel>& laws, Eigen::Index k,
-                       const WhitenedRows& at, WhitenedRows& result) {
-    const auto lower = block.cholesky->triangularView<Eigen::Lower>();
-    Eigen::MatrixXd picked = lower * at.rows;
-    for (std::size_t i = 0; i < block.channel.size(); ++i) {
-        const bool own_row = std::any_of(laws.begin(), laws.end(), [&](const NoiseModel& law) {
-            return law.first == k && law.channels.front() == block.channel[i];
-        });
-        if (own_row)
-            result.value += 1.0;
-        else
-            picked.row(static_cast<Eigen::Index>(i)).setZero();
-    }
-    if (!(result.value > 0.0)) return;
-    lower.solveInPlace(picked);
-    result.rows = -picked;
-    result.value += result.rows.rightCols(1).col(0).dot(at.rows.rightCols(1).col(0));
-}
 
 /// Columns of parameters in a block's rows; `otherwise` where it has none.
 Eigen::Index parameter_columns(const BlockRows& block, Eigen::Index otherwise) {
@@ -199,48 +155,93 @@ Eigen::Index parameter_columns(const BlockRows& block, Eigen::Index otherwise) {
     return block.rows.size() > 0 ? block.rows.cols() - block.latents - 1 : otherwise;
 }
 
-}  // namespace
+/// Rows that link a block to the next one: constraints, then whitened linked records.
+struct StandardLink {
+    Eigen::MatrixXd rows;
+    Eigen::Index records = 0;  ///< rows of linked records
+    double value = 0.0;
+};
 
-WhitenedRows standard_rows_derivative(const BlockRows& block, const std::vector<PartRows>& parts,
-                                      const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi, Eigen::Index k,
-                                      Curvature curvature, const WhitenedRows& at) {
-    WhitenedRows result;
-    result.rows = Eigen::MatrixXd::Zero(at.rows.rows(), at.rows.cols());
-    if (block.rows.size() > 0) {
-        shaped_derivative(block, laws, k, at, result);
-        return result;
+StandardLink standard_link(const BlockRows& block, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                           double matching, Curvature curvature) {
+    // Links that no longer hold (an interval on the wrong branch of a fold) are to be repaired. With the steps of far
+    // outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
+    WhitenedRows linked =
+        standard_rows(block.linked_parts, laws, psi, curvature == Curvature::step ? Curvature::guarded : curvature);
+    StandardLink link;
+    link.value = linked.value;
+    link.records = linked.rows.rows();
+    const Eigen::Index constraints = block.link.rows();
+    if (constraints == 0) {
+        link.rows = std::move(linked.rows);
+        return link;
     }
-    Eigen::Index row = 0;
-    for (const PartRows& part : parts) {
-        const NoiseModel& law = laws[part.law];
-        if (!law.has(k)) {
-            row += part.records.rows.rows() * law.rows_per_record();
-            continue;
-        }
-        if (law.compressible()) {
-            // S = A / s.
-            const Eigen::Index rows = part.records.rows.rows();
-            result.rows.middleRows(row, rows) = -at.rows.middleRows(row, rows);
-            result.value =
-                static_cast<double>(part.records.count) - at.rows.middleRows(row, rows).rightCols(1).squaredNorm();
-            return result;
-        }
-        const WhitenedRows slope = whitened_rows_slope(law, part.records, law.own(psi), k - law.first, curvature);
-        result.rows.middleRows(row, slope.rows.rows()) = slope.rows;
-        result.value = slope.value;
-        return result;
-    }
-    return result;
+    link.rows.resize(constraints + link.records, block.link.cols());
+    link.rows.topRows(constraints) = block.link / matching;
+    if (link.records > 0) link.rows.bottomRows(link.records) = linked.rows;
+    return link;
 }
 
-bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws) {
-    return std::all_of(set.blocks.begin(), set.blocks.end(), [&](const ActiveBlock& block) {
-        const auto same = [&](const LawPart& part) { return laws[part.law].has_one_curvature(); };
-        // Links are guarded in steps, and slack ones in expectation as well.
-        const auto same_link = [&](const LawPart& part) { return same(part) || laws[part.law].slack; };
-        return std::all_of(block.parts.begin(), block.parts.end(), same) &&
-               std::all_of(block.linked_parts.begin(), block.linked_parts.end(), same_link);
+/// A^T w of rows [A | w] into `gradient`.
+void take_gradient(const Eigen::MatrixXd& rows, Eigen::VectorXd& gradient) {
+    const Eigen::Index columns = std::max<Eigen::Index>(rows.cols() - 1, 0);
+    gradient.resize(columns);
+    if (columns == 0) return;
+    const double* const w = rows.data() + columns * rows.rows();
+    for (Eigen::Index j = 0; j < columns; ++j) {
+        const double* const column = rows.data() + j * rows.rows();
+        double sum = 0.0;
+        for (Eigen::Index k = 0; k < rows.rows(); ++k)
+            sum += column[k] * w[k];
+        gradient[j] = sum;
+    }
+}
+
+/// A step of the own states, of those of the next block (null: the rows have none) and of the parameters.
+double along(const Eigen::VectorXd& gradient, const Eigen::VectorXd& own, const Eigen::VectorXd* next,
+             const Eigen::VectorXd& parameters) {
+    double sum = 0.0;
+    Eigen::Index column = 0;
+    if (gradient.size() == 0) return sum;
+    for (const Eigen::VectorXd* x : {&own, next, &parameters})
+        for (Eigen::Index j = 0; x != nullptr && j < x->size(); ++j)
+            sum += gradient[column++] * (*x)[j];
+    return sum;
+}
+
+}  // namespace
+
+Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>& values,
+                             const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
+                             const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
+                             const std::vector<Direction>& directions) {
+    const Eigen::VectorXd slope = slopes_of(coordinates, theta);
+    const auto count = static_cast<Eigen::Index>(directions.size());
+    std::vector<Eigen::VectorXd> part(pieces_of(set.blocks.size()), Eigen::VectorXd::Zero(count));
+    for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
+        Eigen::VectorXd own;
+        Eigen::VectorXd link;
+        for (std::size_t b = begin; b < end; ++b) {
+            const BlockRows block = linearised(set, laws, values[b], slope, b, false);
+            take_gradient(standard_rows(block, laws, errors.psi, errors.curvature).rows, own);
+            const bool links = block.link.rows() > 0 || !block.linked_parts.empty();
+            if (links)
+                take_gradient(standard_link(block, laws, errors.psi, errors.matching, errors.curvature).rows, link);
+            const auto next = static_cast<std::size_t>(std::max<std::ptrdiff_t>(block.next, 0));
+            for (Eigen::Index i = 0; i < count; ++i) {
+                const Direction& to = directions[static_cast<std::size_t>(i)];
+                double& sum = part[piece][i];
+                sum += along(own, to.latents[b], nullptr, to.parameters);
+                if (links)
+                    sum += along(link, to.latents[b], block.next >= 0 ? &to.latents[next] : nullptr, to.parameters);
+            }
+        }
     });
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(count);
+    for (const Eigen::VectorXd& one : part)
+        sum += one;
+    set.spread.sum(sum);
+    return sum;
 }
 
 WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
@@ -258,7 +259,16 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
     }
     std::vector<BlockTriangle> blocks(rows.size());
     std::vector<double> value(pieces_of(rows.size()), 0.0);
-    if (keep_rows) result.rows.resize(rows.size());
+    const auto as_it_is = [&](std::size_t b) {
+        Eigen::Index count = rows[b].rows.rows();
+        for (const PartRows& part : rows[b].parts)
+            count += part.records.rows.rows() * laws[part.law].rows_per_record();
+        return in_chain[b] != 0 && count <= rows[b].latents + parameters + 1;
+    };
+    bool all_as_they_are = true;
+    for (std::size_t b = 0; keep_rows && all_as_they_are && b < rows.size(); ++b)
+        all_as_they_are = as_it_is(b);
+    if (keep_rows && !all_as_they_are) result.rows.resize(rows.size());
     result.linked_records.assign(rows.size(), 0);
     for_pieces(rows.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
         for (std::size_t b = begin; b < end; ++b) {
@@ -266,27 +276,16 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
             WhitenedRows standard = standard_rows(block, laws, psi, curvature);
             value[piece] += standard.value;
             if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
-            const bool as_it_is = in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols();
-            if (keep_rows && !as_it_is) result.rows[b] = standard;
+            assert(as_it_is(b) == (in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols()));
+            if (keep_rows && !as_it_is(b)) result.rows[b] = standard;
             blocks[b] = in_chain[b] != 0 ? linked_block(std::move(standard.rows), block.latents)
                                          : block_triangle(std::move(standard.rows), block.latents);
-            const Eigen::Index constraints = block.link.rows();
-            if (constraints == 0 && block.linked_parts.empty()) continue;
-            // Links that no longer hold (an interval on the wrong branch of a fold) are to be repaired. With the steps
-            // of far outliers a section series with noise 5e-3 took 200 steps and more, guarded 29.
-            WhitenedRows linked = standard_rows(block.linked_parts, laws, psi,
-                                                curvature == Curvature::step ? Curvature::guarded : curvature);
-            value[piece] += linked.value;
-            result.linked_records[b] = linked.rows.rows();
+            if (block.link.rows() == 0 && block.linked_parts.empty()) continue;
+            StandardLink link = standard_link(block, laws, psi, matching, curvature);
+            value[piece] += link.value;
+            result.linked_records[b] = link.records;
             blocks[b].next = block.next;
-            Eigen::MatrixXd& link = blocks[b].link;
-            if (constraints == 0) {
-                link = std::move(linked.rows);
-                continue;
-            }
-            link.resize(constraints + linked.rows.rows(), block.link.cols());
-            link.topRows(constraints) = block.link / matching;
-            if (linked.rows.rows() > 0) link.bottomRows(linked.rows.rows()) = linked.rows;
+            blocks[b].link = std::move(link.rows);
         }
     });
     for (const double part : value)

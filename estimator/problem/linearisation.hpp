@@ -60,20 +60,42 @@ struct BlockRows {
                                                     const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                                                     Eigen::Index k, Curvature curvature, const WhitenedRows& at);
 
+/// What divides rows: the error parameters, the weight of constraints, and which second derivative is meant.
+struct ErrorWeights {
+    const Eigen::VectorXd& psi;
+    double matching = 1.0;
+    Curvature curvature = Curvature::step;
+};
+
+/// A direction of parameters (in u) and latent states, one vector per active block.
+struct Direction {
+    const Eigen::VectorXd& parameters;
+    const std::vector<Eigen::VectorXd>& latents;
+};
+
+/// Slopes of -ln p (constraints included) along some directions at theta, shape (directions): w^T A d summed over all
+/// blocks. Their rows are made from values with derivatives and divided by the errors one after the other, and not
+/// kept. The parameters' prior is left out.
+[[nodiscard]] Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>& values,
+                                           const std::vector<Coordinate>& coordinates, const Eigen::VectorXd& theta,
+                                           const std::vector<NoiseModel>& laws, const ErrorWeights& errors,
+                                           const std::vector<Direction>& directions);
+
 /// Whether the rows of all blocks are the same with Curvature::step (or guarded) and expected.
 [[nodiscard]] bool has_one_curvature(const BlockSet& set, const std::vector<NoiseModel>& laws);
 
 /// All blocks divided by the errors and factorised; constraints enter as rows divided by `matching`.
 struct WhitenedArrow {
     BlockArrow arrow;
-    /// Per block, kept on request; empty where the block-arrow matrix has them unchanged, see own_rows().
+    /// Per block, kept on request; empty where the block-arrow matrix has them unchanged, see own_rows(). No blocks at
+    /// all where that is so for every one.
     std::vector<WhitenedRows> rows;
     std::vector<Eigen::Index> linked_records;  ///< whitened rows of linked records per block
     double value = 0.0;                        ///< sum of the blocks' values
 
     /// A block's rows, shape (rows, latents + parameters + 1). Only if rows were kept.
     [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> own_rows(std::size_t b) const {
-        return rows[b].rows.size() > 0 ? rows[b].rows : arrow.blocks[b].triangle;
+        return !rows.empty() && rows[b].rows.size() > 0 ? rows[b].rows : arrow.blocks[b].triangle;
     }
     /// Those of its linked records, shape (rows, latents + latents of next + parameters + 1).
     [[nodiscard]] Eigen::Ref<const Eigen::MatrixXd> linked_rows(std::size_t b) const {

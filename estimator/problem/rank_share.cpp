@@ -59,7 +59,7 @@ std::string why_not_shared(const Problem& problem, const BlockSet& set) {
         return who + "all blocks must be active where its chain goes on on another rank";
     if (set.blocks.size() < 2) return who + "a part of a chain needs two blocks or more";
     const ActiveBlock& last = set.blocks.back();
-    if (problem.share.goes_on && (!last.channel.empty() || last.constraints > 0))
+    if (problem.share.goes_on && (!last.channel().empty() || last.constraints > 0))
         return who + "block \"" + label_of(set, last) +
                "\", which the next rank has as well, must have no records or constraints here: they belong there";
     return {};

@@ -108,8 +108,8 @@ void Posterior::look_for_autocorrelation() {
             std::vector<double> own;
             for (const std::size_t b : row) {
                 const ActiveBlock& block = set_.blocks[b];
-                for (std::size_t i = 0; i < block.channel.size(); ++i)
-                    if (block.channel[i] == static_cast<int>(c))
+                for (std::size_t i = 0; i < block.channel().size(); ++i)
+                    if (block.channel()[i] == static_cast<int>(c))
                         own.push_back(minimum_.evaluation.values[b].e[static_cast<Eigen::Index>(i)]);
             }
             if (!own.empty())
@@ -127,7 +127,7 @@ void Posterior::look_for_autocorrelation() {
 std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
     std::vector<Eigen::VectorXd> sequences;
     for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
-        for (const std::vector<LawPart>* parts : {&set_.blocks[b].parts, &set_.blocks[b].linked_parts})
+        for (const std::vector<LawPart>* parts : {&set_.blocks[b].parts(), &set_.blocks[b].linked_parts()})
             for (const LawPart& part : *parts) {
                 const NoiseModel& law = problem_.laws[part.law];
                 if (law.channels.front() != channel || part.records.empty()) continue;
@@ -187,9 +187,8 @@ void Posterior::make_block_sandwich() {
     }
     std::vector<std::vector<int>> clusters;
     for (const ActiveBlock& block : set_.blocks)
-        clusters.emplace_back(block.channel.size(), 0);
-    const auto rows =
-        linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false);
+        clusters.emplace_back(block.channel().size(), 0);
+    const auto rows = minimum_.all_rows(problem_, set_, state_);
     sandwich_ = std::make_unique<Sandwich>(in_basis(rows, minimum_.step.from_data), set_, clusters, problem_.laws,
                                            state_.psi, point_.triangle);
     covariance_ = minimum_.step.decided * sandwich_->covariance() * minimum_.step.decided.transpose();
@@ -200,9 +199,7 @@ void Posterior::make_block_sandwich() {
 /// @param length  becomes the length of the axis, in records.
 std::vector<ScoreRows> Posterior::score_rows(double& length) const {
     const Eigen::Index rank = point_.triangle.rows();
-    const std::vector<BlockRows> rows =
-        in_basis(linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta, false),
-                 minimum_.step.from_data);
+    const std::vector<BlockRows> rows = in_basis(minimum_.all_rows(problem_, set_, state_), minimum_.step.from_data);
     const std::vector<Eigen::MatrixXd> moves = latent_moves(arrow(), reduced_problem(), errors_.basis);
     const bool chained = set_.constraints > 0 || set_.linked;
     std::vector<ScoreRows> result;
@@ -210,7 +207,7 @@ std::vector<ScoreRows> Posterior::score_rows(double& length) const {
     for (const std::vector<std::size_t>& row : rows_of_blocks(set_))
         for (const std::size_t b : row) {
             const ActiveBlock& block = set_.blocks[b];
-            const Eigen::VectorXd time = record_times(block.channel, length);
+            const Eigen::VectorXd time = record_times(block.channel(), length);
             const auto add = [&](const WhitenedRows& standard, const std::vector<LawPart>& parts,
                                  const Eigen::MatrixXd& move, bool latent) {
                 if (standard.rows.rows() == 0) return;
@@ -223,14 +220,14 @@ std::vector<ScoreRows> Posterior::score_rows(double& length) const {
                 scores.time = row_times(parts, problem_.laws, time);
                 result.push_back(std::move(scores));
             };
-            add(standard_rows(rows[b], problem_.laws, state_.psi, Curvature::expected), block.parts, moves[b],
+            add(standard_rows(rows[b], problem_.laws, state_.psi, Curvature::expected), block.parts(), moves[b],
                 !chained);
             if (rows[b].linked_parts.empty()) continue;
             const Eigen::MatrixXd& next = moves[static_cast<std::size_t>(rows[b].next)];
             Eigen::MatrixXd both(moves[b].rows() + next.rows(), rank);
             both << moves[b], next;
-            add(standard_rows(rows[b].linked_parts, problem_.laws, state_.psi, Curvature::expected), block.linked_parts,
-                both, false);
+            add(standard_rows(rows[b].linked_parts, problem_.laws, state_.psi, Curvature::expected),
+                block.linked_parts(), both, false);
         }
     return result;
 }

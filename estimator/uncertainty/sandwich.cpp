@@ -16,9 +16,9 @@ constexpr double alone = 1e-6;
 /// The cluster of each standard row of a block: rows follow the records law by law.
 std::vector<int> row_clusters(const ActiveBlock& block, const std::vector<NoiseModel>& laws,
                               const std::vector<int>& cluster) {
-    if (block.parts.empty()) return cluster;
+    if (block.parts().empty()) return cluster;
     std::vector<int> result;
-    for (const LawPart& part : block.parts)
+    for (const LawPart& part : block.parts())
         for (int copy = 0; copy < laws[part.law].rows_per_record(); ++copy)
             for (const Eigen::Index record : part.records)
                 result.push_back(cluster[static_cast<std::size_t>(record)]);

@@ -105,6 +105,12 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
         for (std::size_t b = 0; b < following.back().size(); ++b)
             following.back()[b] -= still[b];
     }
+    std::vector<Eigen::VectorXd> units;
+    for (const Eigen::Index i : free)
+        units.emplace_back(Eigen::VectorXd::Unit(q, i));
+    std::vector<Direction> directions;
+    for (std::size_t i = 0; i < units.size(); ++i)
+        directions.push_back({units[i], following[i]});
     Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(count, count);
     for (Eigen::Index j = 0; j < count; ++j) {
         const Eigen::Index parameter = free[static_cast<std::size_t>(j)];
@@ -118,14 +124,8 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
                 evaluate(problem.residuals, set, problem.laws, beside.theta, beside.latents, true);
             ++evaluations;
             if (!evaluation.failed.empty()) return result;
-            const BlockArrow arrow =
-                standard_arrow(linearise(set, problem.laws, evaluation.values, problem.coordinates, beside.theta),
-                               problem.laws, state.psi, minimum.matching, Curvature::step, false, false)
-                    .arrow;
-            for (Eigen::Index i = 0; i < count; ++i)
-                difference[i] += sign * model_change(arrow, Eigen::VectorXd::Unit(q, free[static_cast<std::size_t>(i)]),
-                                                     following[static_cast<std::size_t>(i)])
-                                            .linear;
+            difference += sign * slopes_along(set, evaluation.values, problem.coordinates, beside.theta, problem.laws,
+                                              {state.psi, minimum.matching, Curvature::step}, directions);
         }
         if (!(length > 0.0)) return result;
         hessian.col(j) = difference / length;

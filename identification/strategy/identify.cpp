@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -49,6 +50,20 @@ StructuralReport examined_structure(const IdentificationProblem& problem, Estima
 void find_cycles(MeasuredCycles& measured, StageInput& input) {
     measured.find(measured);
     input.search = measured.search;
+}
+
+void drop_blocks(estimator::Estimate& estimate) {
+    estimate.active = {};
+    estimate.latents = {};
+    estimate.latent_sds = {};
+    estimate.residuals = {};
+}
+
+void take_blocks(const estimator::Estimate& from, estimator::Estimate& estimate) {
+    estimate.active = from.active;
+    estimate.latents = from.latents;
+    estimate.latent_sds = from.latent_sds;
+    estimate.residuals = from.residuals;
 }
 
 void add_held(const StructuralReport& structure, std::string& message) {
@@ -117,7 +132,10 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     const auto best = std::make_shared<const StageRun>(std::move(*strategy.best));
     result.best = best;
     observer.estimated(result);
+    // What an estimate has for every block is not held twice beside another estimate.
+    drop_blocks(result.estimate);
     criticise_result(input, *best, result);
+    take_blocks(best->estimate, result.estimate);
     return result;
 }
 

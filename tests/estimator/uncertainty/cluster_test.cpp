@@ -129,8 +129,8 @@ TEST_CASE("degrees of freedom of a sandwich: over all pairs of clusters, written
     std::vector<std::vector<int>> clusters;
     for (const estimator::ActiveBlock& block : set.blocks) {
         clusters.emplace_back();
-        for (std::size_t i = 0; i < block.channel.size(); ++i)
-            clusters.back().push_back(static_cast<int>(i * pieces / block.channel.size()));
+        for (std::size_t i = 0; i < block.channel().size(); ++i)
+            clusters.back().push_back(static_cast<int>(i * pieces / block.channel().size()));
     }
     const estimator::Sandwich sandwich(rows, set, clusters, problem.laws, state.psi, triangle);
     REQUIRE(sandwich.clusters() == blocks * pieces);
