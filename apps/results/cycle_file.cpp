@@ -98,6 +98,7 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     out["common_errors"] = detail::rows_or_null(cycle.common);
     out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : detail::time_of(head, cycle.period);
     out["time_sd"] = cycle.time_sd;
+    out["time_covariance"] = cycle.time_covariance.size() == 0 ? Json(nullptr) : json_list(cycle.time_covariance);
     out["code"] = json_or_null(cycle.code);
     out["recurrences"] = cycle.recurrences;
     out["mirror"] = json_or_null(cycle.mirror);

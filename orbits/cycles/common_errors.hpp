@@ -3,6 +3,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 
 #include "orbits/cycles/cycle.hpp"
 
@@ -21,6 +22,10 @@ namespace orbid::orbits {
 /// @param cycles  all with as many columns, or none. Entries without remain so.
 /// Cost: records x columns (old + new) x new columns; memory records x old columns.
 void shorten_common_errors(std::vector<Cycle>& cycles);
+
+/// The same of errors that depend on few of many readings each: G, shape (records, r).
+/// @param long_form  shape (readings, records): H with covariance H' H
+[[nodiscard]] Eigen::MatrixXd common_root(const Eigen::SparseMatrix<double>& long_form);
 
 inline constexpr double shared_remainder = 1e-3;
 

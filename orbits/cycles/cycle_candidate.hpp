@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 
 #include "orbits/cycles/cycle.hpp"
 #include "orbits/local_maps/cycle_multiplier.hpp"
@@ -31,6 +32,12 @@ struct CycleCandidate {
     /// Solutions of one map for the whole section are the same only within this distance (scaled units), mirror images
     /// included; empty: judged by their sds.
     std::optional<double> same_within;
+
+    Eigen::VectorXd time_covariance;  ///< with the points, shape (n p); empty: not known
+    /// By the errors of the section's points and times (errors_by_readings), records as Cycle::common with the time;
+    /// without columns: not known. With it `covariance` knows that mirrored halves of a cycle have the same errors.
+    Eigen::SparseMatrix<double> readings;
+    std::size_t start = 0;  ///< of its finder and period, from which it was found
 
     /// Largest standard deviation of a coordinate of a point.
     [[nodiscard]] double largest_sd() const;

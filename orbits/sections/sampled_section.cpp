@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -28,28 +29,32 @@ public:
     PieceWriter(SampledSection& section, const Segment& source, Eigen::Index dimension)
         : section_(section), source_(source), dimension_(dimension) {}
 
-    void add(double time, const Eigen::VectorXd& state, const Eigen::VectorXd& deviation) {
-        times_.push_back(time);
-        states_.push_back(state);
-        deviations_.push_back(deviation);
-    }
+    struct Point {
+        double time, time_deviation;
+        Eigen::VectorXd state, deviation, rate;
+    };
+    void add(Point point) { points_.push_back(std::move(point)); }
     void close() {
-        if (states_.empty()) return;
+        if (points_.empty()) return;
         Segment piece;
         piece.label = pieces_ == 0 ? source_.label : fmt::format("{}.{}", source_.label, pieces_);
-        const auto m = static_cast<Eigen::Index>(states_.size());
+        const auto m = static_cast<Eigen::Index>(points_.size());
         piece.values.resize(dimension_, m);
         piece.deviations.resize(dimension_, m);
+        piece.rates.resize(dimension_, m);
+        piece.times.resize(m);
+        piece.time_deviations.resize(m);
         for (Eigen::Index k = 0; k < m; ++k) {
-            piece.values.col(k) = states_[static_cast<std::size_t>(k)];
-            piece.deviations.col(k) = deviations_[static_cast<std::size_t>(k)];
+            const Point& point = points_[static_cast<std::size_t>(k)];
+            piece.values.col(k) = point.state;
+            piece.deviations.col(k) = point.deviation;
+            piece.rates.col(k) = point.rate;
+            piece.times[k] = point.time;
+            piece.time_deviations[k] = point.time_deviation;
         }
-        piece.times = Eigen::Map<const Eigen::VectorXd>(times_.data(), m);
         section_.series.segments.push_back(std::move(piece));
         ++pieces_;
-        times_.clear();
-        states_.clear();
-        deviations_.clear();
+        points_.clear();
     }
 
 private:
@@ -57,8 +62,7 @@ private:
     const Segment& source_;
     Eigen::Index dimension_;
     std::size_t pieces_ = 0;
-    std::vector<double> times_;
-    std::vector<Eigen::VectorXd> states_, deviations_;
+    std::vector<Point> points_;
 };
 
 struct Passage {
@@ -80,7 +84,7 @@ public:
         for (Eigen::Index d = 0; d < n; ++d) {
             models::stop_if_asked(interrupted_);
             result_.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
-            result_.windows.push_back(best_window(samples, d, places, interrupted_));
+            result_.windows.push_back(narrowed(best_window(samples, d, places, interrupted_)));
             if (d != crossing.coordinate) result_.series.coordinates.push_back(samples.coordinate(d));
         }
         result_.series.origin = samples.origin;
@@ -221,7 +225,7 @@ private:
         // Samples without any error still have rounding: a deviation is never 0.
         const Eigen::VectorXd deviation = covariance.diagonal().cwiseSqrt().cwiseMax(
             std::numeric_limits<double>::epsilon() * state.cwiseAbs().cwiseMax(1e-300));
-        writer.add(segment.times[i] + *u * step_, state, deviation);
+        writer.add({segment.times[i] + *u * step_, std::sqrt(time_variance), state, deviation, slope});
         return true;
     }
 
