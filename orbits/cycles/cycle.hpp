@@ -26,7 +26,8 @@ struct Cycle {
     Eigen::MatrixXd ln_multiplier_covariance;       ///< shape (n, n)
     /// Errors that this cycle shares with the others of its list, because one map gave them all: G, shape (n p + n, r),
     /// rows as `covariance`, then as `ln_multiplier`, or (n p + n + 1, r) with `time` as the last row;
-    /// Cov(cycle c, cycle d) = G_c G_d'. G G' is part of all covariances. Empty: no errors are known to be shared, or the earlier partner of a mirror pair has them.
+    /// Cov(cycle c, cycle d) = G_c G_d'. G G' is part of all covariances. Empty: no errors are known to be shared, or
+    /// the earlier partner of a mirror pair has them.
     Eigen::MatrixXd common;
     double time = std::numeric_limits<double>::quiet_NaN();     ///< [s] until it closes; nan: the series has no times
     double time_sd = std::numeric_limits<double>::quiet_NaN();  ///< [s]

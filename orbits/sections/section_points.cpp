@@ -91,7 +91,8 @@ bool knows_errors(const Series& series) {
                const Eigen::Index n = segment.values.rows(), m = segment.values.cols();
                const auto fits = [&](const Eigen::MatrixXd& one) { return one.rows() == n && one.cols() == m; };
                return fits(segment.deviations) && fits(segment.rates) && segment.time_deviations.size() == m &&
-                      segment.rates.allFinite() && segment.time_deviations.allFinite() && segment.deviations.allFinite();
+                      segment.rates.allFinite() && segment.time_deviations.allFinite() &&
+                      segment.deviations.allFinite();
            });
 }
 

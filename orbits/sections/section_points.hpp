@@ -81,8 +81,8 @@ public:
     [[nodiscard]] bool timed() const { return !times_.empty(); }
     /// Errors of all points and times are known (Segment::time_deviations).
     [[nodiscard]] bool errors_known() const { return !errors_.empty(); }
-    /// A root of the covariance of point i (scaled units) and its time [s], shape (n + 1, n + 1): the own error of every
-    /// coordinate, then that of the time, which moves all of them. Meaningful only when errors_known().
+    /// A root of the covariance of point i (scaled units) and its time [s], shape (n + 1, n + 1): the own error of
+    /// every coordinate, then that of the time, which moves all of them. Meaningful only when errors_known().
     [[nodiscard]] Eigen::MatrixXd error_root(std::size_t i) const;
     /// All angles were read without wrapping (their readings cover more than one turn), so turns can be counted: up to
     /// 32767 from a point to its image.
@@ -96,7 +96,7 @@ private:
     std::unique_ptr<double[]> values_;  ///< point after point
     std::vector<std::int16_t> turns_;   ///< whole turns on the way to the image, per angle; empty unless turns_known_
     std::vector<double> times_;         ///< [s] of all points; empty unless the series has them
-    std::vector<double> errors_;  ///< per point: own sds, what the time's error adds, its sd; empty: not known
+    std::vector<double> errors_;        ///< per point: own sds, what the time's error adds, its sd; empty: not known
     std::vector<std::uint64_t> has_image_;  ///< one bit per point
     std::size_t image_count_ = 0;
     std::size_t angle_count_ = 0;

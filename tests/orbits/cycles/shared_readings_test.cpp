@@ -25,7 +25,8 @@ namespace {
 constexpr double point_sd = 0.002, time_sd = 0.002;
 const Eigen::Vector2d rates(1.0, -0.5);
 
-// x -> 1 - 2 x^2 with return times 1 + x / 4, and a second coordinate on a straight sheet. A late crossing has moved on.
+// x -> 1 - 2 x^2 with return times 1 + x / 4, and a second coordinate on a straight sheet. A late crossing has moved
+// on.
 orbits::Series crossings(Index count, std::uint64_t seed) {
     orbits::Series series = tests::section_series({{"x", "", false}, {"y", "", false}}, {MatrixXd(2, count)});
     tests::NormalNumbers normal(seed);
@@ -42,8 +43,7 @@ orbits::Series crossings(Index count, std::uint64_t seed) {
     }
     segment.rates = rates.replicate(1, count);
     segment.time_deviations = VectorXd::Constant(count, time_sd);
-    segment.deviations =
-        (point_sd * point_sd + (time_sd * rates).array().square()).sqrt().matrix().replicate(1, count);
+    segment.deviations = (point_sd * point_sd + (time_sd * rates).array().square()).sqrt().matrix().replicate(1, count);
     return series;
 }
 
@@ -125,7 +125,8 @@ TEST_CASE("cycles of a noisy sheet have the errors that their joint covariance s
     }
     REQUIRE(freedom >= 8.0 * (records - 2));
     CAPTURE(joint / freedom, apart / freedom, of_times / freedom * 4.0);
-    // Mean squares have sds of 0.10, 0.10 to 0.2 and 0.2 by chance. What the choice of the fits adds makes them smaller.
+    // Mean squares have sds of 0.10, 0.10 to 0.2 and 0.2 by chance. What the choice of the fits adds makes them
+    // smaller.
     CHECK(joint / freedom > 0.6);
     CHECK(joint / freedom < 1.3);
     CHECK(apart / freedom > 0.5);
@@ -163,7 +164,8 @@ TEST_CASE("mirrored halves of a cycle have the same errors", "[orbits][cycles]")
     CHECK(cycles[0].covariance == Eigen::Matrix2d{{6.0, 2.0}, {2.0, 6.0}});
     CHECK(cycles[0].time_covariance == Eigen::Vector2d(0.5, -0.5));
     CHECK(std::abs(cycles[0].time_sd - 0.5 * std::sqrt(2.0)) < 1e-15);
-    // Errors by readings know it: x_1 = -x_0 always. Only that sum, which no symmetric model changes, becomes uncertain.
+    // Errors by readings know it: x_1 = -x_0 always. Only that sum, which no symmetric model changes, becomes
+    // uncertain.
     draft.readings.resize(3, 4);
     draft.covariance = Eigen::Matrix2d{{3.0, -3.0}, {-3.0, 3.0}};
     cycles.clear();
