@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace orbid::orbits {
 
@@ -10,51 +9,24 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-namespace {
-
-void cleared(MatrixXd& matrix, Index column) {
-    matrix.col(column).setZero();
-}
-
-void cleared(Eigen::SparseMatrix<double>& matrix, Index column) {
-    for (Eigen::SparseMatrix<double>::InnerIterator entry(matrix, column); entry; ++entry)
-        entry.valueRef() = 0.0;
-}
-
-// @param long_form  one record per column
-template <class Matrix>
-MatrixXd shortened(Matrix long_form) {
-    const Index records = long_form.cols(), columns = long_form.rows();
-    VectorXd sd(records);
-    for (Index i = 0; i < records; ++i) {
-        sd[i] = long_form.col(i).norm();
-        if (sd[i] > 0.0 && std::isfinite(sd[i])) {
-            long_form.col(i) /= sd[i];
-        } else {
-            cleared(long_form, i);  // a logarithm that was not measured
-            sd[i] = 0.0;
-        }
-    }
-    VectorXd left = (sd.array() > 0.0).template cast<double>();  // of each record's shared variance
+MatrixXd common_root(const VectorXd& sd, Index largest, const std::function<VectorXd(Index)>& covariance) {
+    const Index records = sd.size();
+    // A logarithm that was not measured shares nothing.
+    const VectorXd scale = (sd.array() > 0.0 && sd.array().isFinite()).select(sd, 0.0);
+    const VectorXd unit = (scale.array() > 0.0).select(scale.cwiseInverse(), 0.0);
+    VectorXd left = (scale.array() > 0.0).cast<double>();  // of each record's shared variance
     MatrixXd root(records, 64);
     Index rank = 0, pivot = 0;
-    while (rank < std::min(records, columns) && left.maxCoeff(&pivot) > shared_remainder) {
+    while (rank < std::min(records, largest) && left.maxCoeff(&pivot) > shared_remainder) {
         if (rank == root.cols()) root.conservativeResize(records, 2 * rank);
-        const VectorXd own = long_form.col(pivot);
-        const VectorXd next =
-            long_form.transpose() * own - root.leftCols(rank) * root.row(pivot).head(rank).transpose();
+        const VectorXd next = (unit.array() > 0.0).select(unit[pivot] * unit.cwiseProduct(covariance(pivot)), 0.0) -
+                              root.leftCols(rank) * root.row(pivot).head(rank).transpose();
         root.col(rank) = next / std::sqrt(next[pivot]);
         left -= root.col(rank).cwiseAbs2();
         left[pivot] = 0.0;
         ++rank;
     }
-    return sd.asDiagonal() * root.leftCols(rank);
-}
-
-}  // namespace
-
-MatrixXd common_root(const Eigen::SparseMatrix<double>& long_form) {
-    return shortened(long_form);
+    return scale.asDiagonal() * root.leftCols(rank);
 }
 
 void shorten_common_errors(std::vector<Cycle>& cycles) {
@@ -71,7 +43,9 @@ void shorten_common_errors(std::vector<Cycle>& cycles) {
         long_form.middleCols(first, cycle.common.rows()) = cycle.common.transpose();
         first += cycle.common.rows();
     }
-    const MatrixXd root = shortened(std::move(long_form));
+    const VectorXd sd = long_form.colwise().norm().transpose();
+    const MatrixXd root =
+        common_root(sd, columns, [&](Index record) { return VectorXd(long_form.transpose() * long_form.col(record)); });
     first = 0;
     for (Cycle& cycle : cycles) {
         const Index own = cycle.common.rows();

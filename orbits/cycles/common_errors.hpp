@@ -1,9 +1,9 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 
 #include "orbits/cycles/cycle.hpp"
 
@@ -23,9 +23,12 @@ namespace orbid::orbits {
 /// Cost: records x columns (old + new) x new columns; memory records x old columns.
 void shorten_common_errors(std::vector<Cycle>& cycles);
 
-/// The same of errors that depend on few of many readings each: G, shape (records, r).
-/// @param long_form  shape (readings, records): H with covariance H' H
-[[nodiscard]] Eigen::MatrixXd common_root(const Eigen::SparseMatrix<double>& long_form);
+/// The same from the shared covariance of all records: G, shape (records, r).
+/// @param sd          roots of its diagonal; 0 or not finite: the record shares nothing
+/// @param largest     columns that are enough in any case
+/// @param covariance  of one record with all, shape (records)
+[[nodiscard]] Eigen::MatrixXd common_root(const Eigen::VectorXd& sd, Eigen::Index largest,
+                                          const std::function<Eigen::VectorXd(Eigen::Index)>& covariance);
 
 inline constexpr double shared_remainder = 1e-3;
 

@@ -45,7 +45,7 @@ Cycle plain(const SectionPoints& section, const CycleCandidate& draft) {
 // of independent halves, and their difference, which is 0, says nothing.
 void add_difference_of_halves(const SectionPoints& section, Eigen::Index shift, CycleCandidate& draft) {
     const Eigen::Index n = draft.points.rows(), p = draft.points.cols();
-    if (draft.readings.cols() == 0) {
+    if (draft.readings.points.empty()) {
         draft.covariance *= 2.0;
         draft.time_covariance *= 2.0;
         draft.time_sd *= std::numbers::sqrt2;

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 
 #include "orbits/cycles/cycle.hpp"
 #include "orbits/local_maps/cycle_multiplier.hpp"
@@ -16,6 +15,12 @@
 #include "orbits/sections/section_points.hpp"
 
 namespace orbid::orbits {
+
+/// What the errors of a section's points and times add to records of a cycle.
+struct ReadingShares {
+    std::vector<std::size_t> points;  ///< those with a share, ascending
+    Eigen::MatrixXd shares;           ///< H, shape ((n + 1) points, records): H' H is the records' covariance
+};
 
 /// A closed orbit of a map fitted to the data, in the scaled units of SectionPoints, before it becomes a Cycle.
 struct CycleCandidate {
@@ -35,8 +40,8 @@ struct CycleCandidate {
 
     Eigen::VectorXd time_covariance;  ///< with the points, shape (n p); empty: not known
     /// By the errors of the section's points and times (errors_by_readings), records as Cycle::common with the time;
-    /// without columns: not known. With it `covariance` knows that mirrored halves of a cycle have the same errors.
-    Eigen::SparseMatrix<double> readings;
+    /// empty: not known. With it `covariance` knows that mirrored halves of a cycle have the same errors.
+    ReadingShares readings;
     std::size_t start = 0;  ///< of its finder and period, from which it was found
 
     /// Largest standard deviation of a coordinate of a point.

@@ -131,10 +131,9 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
 }
 
 // Errors of points by those of readings, from scaled units to those of the coordinates.
-Eigen::SparseMatrix<double> in_units(const SectionPoints& section, Eigen::SparseMatrix<double> readings,
-                                     Eigen::Index coordinates) {
-    for (Eigen::Index record = 0; record < std::min(readings.cols(), coordinates); ++record)
-        readings.col(record) *= section.scale()[record % section.dimension()];
+ReadingShares in_units(const SectionPoints& section, ReadingShares readings, Eigen::Index coordinates) {
+    for (Eigen::Index record = 0; record < std::min(readings.shares.cols(), coordinates); ++record)
+        readings.shares.col(record) *= section.scale()[record % section.dimension()];
     return readings;
 }
 
@@ -193,7 +192,7 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
         if (options.progress) options.progress(part, done++, periods.size() + 1);
     };
     tell("reading errors and maps");
-    std::vector<Eigen::SparseMatrix<double>> readings;  // one per cycle
+    std::vector<ReadingShares> readings;  // one per cycle
     const std::unique_ptr<CycleFinder> finder = choose_finder(series, section, options, result);
     // Finders that fit along a sheet know the times along it.
     std::optional<NeighbourIndex> timing;

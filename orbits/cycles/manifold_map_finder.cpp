@@ -176,7 +176,7 @@ private:
         with_multipliers.topRows(n * p) = response.topRows(n * p);
         with_multipliers.bottomRows(1) = response.bottomRows(1);
         cycle.readings = errors_by_readings(section_, maps, with_multipliers);
-        const Eigen::MatrixXd all = cycle.readings.transpose() * cycle.readings;
+        const Eigen::MatrixXd all = cycle.readings.shares.transpose() * cycle.readings.shares;
         Eigen::MatrixXd covariance = own * own.transpose();
         covariance.topLeftCorner(n * p, n * p) += all.topLeftCorner(n * p, n * p);
         covariance.topRightCorner(n * p, 1) += all.topRightCorner(n * p, 1);

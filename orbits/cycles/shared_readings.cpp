@@ -1,8 +1,10 @@
 #include "orbits/cycles/shared_readings.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <map>
+#include <utility>
 
 #include "orbits/cycles/common_errors.hpp"
 
@@ -46,8 +48,8 @@ Shares shares(const ManifoldMap& map, Index neighbour, const VectorXd& signs) {
 
 }  // namespace
 
-Eigen::SparseMatrix<double> errors_by_readings(const SectionPoints& section, const std::vector<ManifoldMap>& maps,
-                                               const MatrixXd& response) {
+ReadingShares errors_by_readings(const SectionPoints& section, const std::vector<ManifoldMap>& maps,
+                                 const MatrixXd& response) {
     const Index n = section.dimension(), records = response.rows();
     const VectorXd ones = VectorXd::Ones(n);
     std::map<std::size_t, MatrixXd> parts;  // by point: shape (records, n + 1)
@@ -65,42 +67,87 @@ Eigen::SparseMatrix<double> errors_by_readings(const SectionPoints& section, con
             add(neighbour.index, own * share.start);
         }
     }
-    std::vector<Eigen::Triplet<double>> entries;
-    entries.reserve(parts.size() * static_cast<std::size_t>((n + 1) * records));
+    ReadingShares result;
+    result.points.reserve(parts.size());
+    result.shares.resize((n + 1) * std::ssize(parts), records);
     for (const auto& [point, part] : parts) {
-        const MatrixXd moved = part * section.error_root(point);
-        for (Index k = 0; k <= n; ++k)
-            for (Index record = 0; record < records; ++record)
-                if (moved(record, k) != 0.0)
-                    entries.emplace_back(static_cast<Index>(point) * (n + 1) + k, record, moved(record, k));
+        result.shares.middleRows((n + 1) * std::ssize(result.points), n + 1) =
+            (part * section.error_root(point)).transpose();
+        result.points.push_back(point);
     }
-    Eigen::SparseMatrix<double> result(static_cast<Index>(section.size()) * (n + 1), records);
-    result.setFromTriplets(entries.begin(), entries.end());
     return result;
 }
 
-void share_readings(const std::vector<Eigen::SparseMatrix<double>>& readings, std::vector<Cycle>& cycles) {
-    Index records = 0, rows = 0;
-    for (const auto& own : readings) {
-        records += own.cols();
-        rows = std::max(rows, own.rows());
+namespace {
+
+// The covariance of one record of a cycle with the records of all.
+class SharedCovariance {
+public:
+    explicit SharedCovariance(const std::vector<ReadingShares>& readings) : readings_(readings) {
+        std::size_t points = 0;
+        for (std::size_t c = 0; c < readings.size(); ++c) {
+            if (readings[c].points.empty()) continue;
+            points = std::max(points, readings[c].points.back() + 1);
+            each_ = readings[c].shares.rows() / std::ssize(readings[c].points);
+            for (Index record = 0; record < readings[c].shares.cols(); ++record)
+                origins_.emplace_back(c, record);
+        }
+        spread_ = VectorXd::Zero(static_cast<Index>(points) * each_);
     }
-    if (records == 0) return;
-    std::vector<Eigen::Triplet<double>> entries;
+
+    [[nodiscard]] Index records() const { return std::ssize(origins_); }
+    [[nodiscard]] Index columns() const { return spread_.size(); }
+
+    [[nodiscard]] double variance(Index record) const {
+        const auto [cycle, own] = origins_[static_cast<std::size_t>(record)];
+        return readings_[cycle].shares.col(own).squaredNorm();
+    }
+
+    [[nodiscard]] VectorXd with(Index record) {
+        const auto [cycle, own] = origins_[static_cast<std::size_t>(record)];
+        const ReadingShares& pivot = readings_[cycle];
+        for (std::size_t k = 0; k < pivot.points.size(); ++k)
+            spread_.segment(place(pivot, k), each_) =
+                pivot.shares.col(own).segment(static_cast<Index>(k) * each_, each_);
+        VectorXd result(records());
+        Index first = 0;
+        for (const ReadingShares& other : readings_) {
+            VectorXd met(other.shares.rows());
+            for (std::size_t k = 0; k < other.points.size(); ++k)
+                met.segment(static_cast<Index>(k) * each_, each_) = spread_.segment(place(other, k), each_);
+            result.segment(first, other.shares.cols()) = other.shares.transpose() * met;
+            first += other.shares.cols();
+        }
+        for (std::size_t k = 0; k < pivot.points.size(); ++k)
+            spread_.segment(place(pivot, k), each_).setZero();
+        return result;
+    }
+
+private:
+    [[nodiscard]] Index place(const ReadingShares& shares, std::size_t k) const {
+        return static_cast<Index>(shares.points[k]) * each_;
+    }
+
+    const std::vector<ReadingShares>& readings_;
+    std::vector<std::pair<std::size_t, Index>> origins_;  // of every record: its cycle, and its place there
+    Index each_ = 1;                                      // errors of a point
+    VectorXd spread_;                                     // zero between calls
+};
+
+}  // namespace
+
+void share_readings(const std::vector<ReadingShares>& readings, std::vector<Cycle>& cycles) {
+    SharedCovariance covariance(readings);
+    if (covariance.records() == 0) return;
+    VectorXd sd(covariance.records());
+    for (Index record = 0; record < sd.size(); ++record)
+        sd[record] = std::sqrt(covariance.variance(record));
+    const MatrixXd root = common_root(sd, covariance.columns(), [&](Index record) { return covariance.with(record); });
     Index first = 0;
-    for (const auto& own : readings) {
-        for (Index record = 0; record < own.outerSize(); ++record)
-            for (Eigen::SparseMatrix<double>::InnerIterator entry(own, record); entry; ++entry)
-                entries.emplace_back(entry.row(), first + record, entry.value());
-        first += own.cols();
-    }
-    Eigen::SparseMatrix<double> all(rows, records);
-    all.setFromTriplets(entries.begin(), entries.end());
-    const MatrixXd root = common_root(all);
-    first = 0;
     for (std::size_t c = 0; c < readings.size(); ++c) {
-        if (readings[c].cols() > 0) cycles[c].common = root.middleRows(first, readings[c].cols());
-        first += readings[c].cols();
+        const Index own = readings[c].shares.cols();
+        if (own > 0) cycles[c].common = root.middleRows(first, own);
+        first += own;
     }
 }
 

@@ -3,9 +3,9 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 
 #include "orbits/cycles/cycle.hpp"
+#include "orbits/cycles/cycle_candidate.hpp"
 #include "orbits/local_maps/manifold_map.hpp"
 #include "orbits/sections/section_points.hpp"
 
@@ -23,14 +23,12 @@ namespace orbid::orbits {
 /// @param section   with errors_known()
 /// @param maps      of the cycle's points
 /// @param response  of the cycle's records to errors of (value, time) of every map, shape (records, (n + 1) p)
-/// @return H, shape ((n + 1) points of the section, records): H' H is the records' covariance, H_c' H_d that of two
-///         cycles
-[[nodiscard]] Eigen::SparseMatrix<double> errors_by_readings(const SectionPoints& section,
-                                                             const std::vector<ManifoldMap>& maps,
-                                                             const Eigen::MatrixXd& response);
+/// Cov(cycle c, cycle d) = H_c' H_d over the points that both depend on.
+[[nodiscard]] ReadingShares errors_by_readings(const SectionPoints& section, const std::vector<ManifoldMap>& maps,
+                                               const Eigen::MatrixXd& response);
 
 /// Writes them as Cycle::common, by as few columns as they need (shorten_common_errors).
 /// @param readings  one per cycle, empty where there is none
-void share_readings(const std::vector<Eigen::SparseMatrix<double>>& readings, std::vector<Cycle>& cycles);
+void share_readings(const std::vector<ReadingShares>& readings, std::vector<Cycle>& cycles);
 
 }  // namespace orbid::orbits

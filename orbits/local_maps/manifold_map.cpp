@@ -53,6 +53,23 @@ ManifoldMapFits::ManifoldMapFits(const SectionPoints& points, const NeighbourInd
     models::solve_lower_in_place(error_, whitening_);
 }
 
+namespace {
+
+void keep_weights(ManifoldMap& map, const SheetSupport& support, Eigen::Index kept, const Eigen::VectorXd& weights) {
+    map.support.assign(support.members.begin(), support.members.begin() + kept);
+    map.weights = weights;
+    map.fitted = {map.slope * map.along, (map.time_slope.transpose() * map.along).transpose()};
+}
+
+// Of those within a window, the others have none.
+Eigen::VectorXd spread_out(const Eigen::VectorXd& weights, const std::vector<Eigen::Index>& within, Eigen::Index all) {
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(all);
+    result(within) = weights;
+    return result;
+}
+
+}  // namespace
+
 ManifoldMap ManifoldMapFits::fit(const Eigen::VectorXd& place, int order, std::size_t neighbours) const {
     return fit(sheet_support(*points_, *grid_, whitening_, place, neighbours), order, neighbours, true);
 }
@@ -99,9 +116,7 @@ ManifoldMap ManifoldMapFits::fit(const SheetSupport& support, int order, std::si
     for (Eigen::Index d = 0; d < n; ++d)
         map.image_covariance(d, d) = std::max(map.image_covariance(d, d), expected(d, d));
     map.covariance = found.leverage * map.image_covariance;
-    map.support.assign(support.members.begin(), support.members.begin() + kept);
-    map.weights = found.weights;
-    map.fitted = {map.slope * map.along, (map.time_slope.transpose() * map.along).transpose()};
+    keep_weights(map, support, kept, found.weights);
     map.slope_leverage = found.slope_leverage;
     // The errors along the sheet enter what is left across it through its slope.
     for (Eigen::Index d = 0; d < n - k; ++d)
@@ -127,7 +142,8 @@ void ManifoldMapFits::read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t,
     const double reach = t.cwiseAbs().maxCoeff() - blurred;
     if (!(stretch > 1.0) || !(reach > 1.0)) return;
     direction /= stretch;
-    const Eigen::VectorXd all = values.leftCols(n) * (whitening_.transpose() * direction);
+    map.measure = whitening_.transpose() * direction;
+    const Eigen::VectorXd all = values.leftCols(n) * map.measure;
     // The window in the image must hold no image of a place beyond the neighbours, errors included.
     const double radius = stretch * reach;
     const double start = direction.dot(whitening_ * map.offset);
@@ -159,11 +175,8 @@ void ManifoldMapFits::read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t,
             origin += std::clamp(step, -0.5 * radius, 0.5 * radius);
             continue;
         }
-        const Eigen::VectorXd unit = error_ * direction;
-        map.backward_weights = Eigen::VectorXd::Zero(all.size());
-        map.backward_weights(within) = found.weights;
-        map.unit = unit;
-        map.measure = whitening_.transpose() * direction;
+        map.backward_weights = spread_out(found.weights, within, all.size());
+        const Eigen::VectorXd& unit = map.unit = error_ * direction;
         Eigen::MatrixXd across = Eigen::MatrixXd::Identity(n, n) - unit * direction.transpose() * whitening_;
         const Eigen::MatrixXd covariance = across * map.covariance.topLeftCorner(n, n) * across.transpose();
         map.value = points_->wrapped(map.value + unit * (origin + step - start));

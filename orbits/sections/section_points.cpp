@@ -96,6 +96,18 @@ bool knows_errors(const Series& series) {
            });
 }
 
+// SectionPoints::error_root() by its diagonal and last column.
+void keep_errors(const Segment& segment, Eigen::Index column, const Eigen::VectorXd& scale, double* errors) {
+    const Eigen::Index n = scale.size();
+    for (Eigen::Index d = 0; d < n; ++d) {
+        const double moved = segment.rates(d, column) * segment.time_deviations[column];
+        const double all = segment.deviations(d, column);
+        errors[d] = std::sqrt(std::max(all * all - moved * moved, 0.0)) / scale[d];
+        errors[n + d] = moved / scale[d];
+    }
+    errors[2 * n] = segment.time_deviations[column];
+}
+
 void check_shape(const Series& series, const std::optional<std::vector<double>>& signs) {
     refuse_if(series.sampling != Series::Sampling::section,
               "find_cycles: the series holds time samples; it needs sections");
@@ -149,15 +161,7 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
             values_[i * n + d] = angle_[d] ? wrapped_turns(scaled) : scaled;
         }
         if (!times_.empty()) times_[i] = segment.times[column];
-        for (std::size_t d = 0; !errors_.empty() && d < n; ++d) {
-            const auto row = static_cast<Eigen::Index>(d);
-            const double moved = segment.rates(row, column) * segment.time_deviations[column];
-            const double all = segment.deviations(row, column);
-            double* const own = &errors_[i * (2 * n + 1)];
-            own[d] = std::sqrt(std::max(all * all - moved * moved, 0.0)) / scale_[row];
-            own[n + d] = moved / scale_[row];
-            own[2 * n] = segment.time_deviations[column];
-        }
+        if (!errors_.empty()) keep_errors(segment, column, scale_, &errors_[i * (2 * n + 1)]);
         if (!(column + 1 < segment.values.cols() && segment.values.col(column).allFinite() &&
               segment.values.col(column + 1).allFinite()))
             return;

@@ -166,7 +166,7 @@ TEST_CASE("mirrored halves of a cycle have the same errors", "[orbits][cycles]")
     CHECK(std::abs(cycles[0].time_sd - 0.5 * std::sqrt(2.0)) < 1e-15);
     // Errors by readings know it: x_1 = -x_0 always. Only that sum, which no symmetric model changes, becomes
     // uncertain.
-    draft.readings.resize(3, 4);
+    draft.readings.points = {0};
     draft.covariance = Eigen::Matrix2d{{3.0, -3.0}, {-3.0, 3.0}};
     cycles.clear();
     publish(section, draft, 0.1, cycles);
