@@ -78,7 +78,7 @@ public:
         }
         const auto places = places_near(marks);
         for (const Index c : coordinates) {
-            const TimeWindow window = narrowed(best_window(samples, c, places, interrupted));
+            const TimeWindow window = best_window(samples, c, places, interrupted);
             auto& own = smoothings_.emplace_back();
             for (const Segment& segment : samples.segments)
                 own.emplace_back(segment, c, samples.coordinate(c).angle, step_, window);

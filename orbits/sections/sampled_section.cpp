@@ -20,6 +20,10 @@ namespace {
 // Standard deviations of the smoothed coordinate by which a crossing must pass the plane on either side.
 constexpr double passed = 3.0;
 
+// Sds of samples, over the range, up to which windows are narrowed. Beyond, more noise costs a search its cycles:
+// Lorenz at 1 % has six cycles up to period 4 in the best windows, one in narrowed ones; at 0.2 % none is lost.
+constexpr double quiet = 5e-3;
+
 // Samples between two questions whether to stop.
 constexpr Eigen::Index asked_every = 65536;
 
@@ -84,9 +88,11 @@ public:
         for (Eigen::Index d = 0; d < n; ++d) {
             models::stop_if_asked(interrupted_);
             result_.sample_deviation[d] = std::sqrt(difference_variance(samples, d));
-            result_.windows.push_back(narrowed(best_window(samples, d, places, interrupted_)));
+            result_.windows.push_back(best_window(samples, d, places, interrupted_));
             if (d != crossing.coordinate) result_.series.coordinates.push_back(samples.coordinate(d));
         }
+        if ((result_.sample_deviation.array() <= quiet * samples.scale().array()).all())
+            std::transform(result_.windows.begin(), result_.windows.end(), result_.windows.begin(), narrowed);
         result_.series.origin = samples.origin;
         result_.reading_covariance = Eigen::MatrixXd::Zero(n - 1, n - 1);
         for (const Segment& segment : samples.segments)
