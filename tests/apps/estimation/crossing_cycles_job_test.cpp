@@ -50,7 +50,7 @@ TEST_CASE("Lorenz equations from points and times of cycles", "[apps][run][cycle
     REQUIRE(run.code == 0);
     const json result = read_json(out / "result.json");
     check_parameters(result);
-    CHECK(result["verdict"]["trust"] == "values");
+    CHECK(result["verdict"]["trust"] == "all");
     CHECK(result["errors"].contains("cycles.x"));
     CHECK(result["errors"].contains("cycles.time"));
     CHECK(!result["errors"].contains("cycles.z"));
