@@ -206,9 +206,9 @@ namespace orbid::orbits {
 
 inline void fields(apps::Archive& archive, Cycle& value) {
     auto& [period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, common, time,
-           time_sd, code, recurrences, mirror, quality] = value;
+           time_sd, code, recurrences, mirror, quality, time_covariance] = value;
     archive(period, rotation, points, covariance, multipliers, ln_multiplier, ln_multiplier_covariance, common, time,
-            time_sd, code, recurrences, mirror, quality);
+            time_sd, code, recurrences, mirror, quality, time_covariance);
 }
 
 inline void fields(apps::Archive& archive, CycleSearch& value) {

@@ -86,6 +86,7 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     const auto n = static_cast<Eigen::Index>(head.coordinates.size());
     require_points(cycle.points, cycle.period, head.coordinates.size(), index);
     require_shape(cycle.covariance, n * cycle.period, n * cycle.period, "covariance", index);
+    require_shape(cycle.time_covariance, n * cycle.period, 1, "time_covariance", index);
     Json out;
     out["period"] = cycle.period;
     // Angles read modulo a turn cannot tell how often the cycle went round.
@@ -98,6 +99,7 @@ Json cycle_json(const CycleFileHead& head, const orbits::Cycle& cycle, std::size
     out["common_errors"] = detail::rows_or_null(cycle.common);
     out["time"] = std::isfinite(cycle.time) ? Json(cycle.time) : detail::time_of(head, cycle.period);
     out["time_sd"] = cycle.time_sd;
+    out["time_covariance"] = cycle.time_covariance.size() == 0 ? Json(nullptr) : json_list(cycle.time_covariance);
     out["code"] = json_or_null(cycle.code);
     out["recurrences"] = cycle.recurrences;
     out["mirror"] = json_or_null(cycle.mirror);

@@ -47,7 +47,7 @@ struct CycleFile {
 /// are null; numbers read back to the bit.
 ///
 /// Beside the keys of the contract: `fingerprint`, `missing`, `candidates`, `rejected`, `spline_map`,
-/// `reading_covariance`, `remarks`; of a cycle `time_sd` and `code`.
+/// `reading_covariance`, `remarks`; of a cycle `time_sd`, `time_covariance` and `code`.
 /// @throws std::invalid_argument when a cycle's shapes do not fit its period and the coordinates.
 [[nodiscard]] std::string cycles_text(const CycleFile& file);
 

@@ -63,6 +63,23 @@ Eigen::MatrixXd matrix(const ValueReader& value, Eigen::Index rows, Eigen::Index
     return out;
 }
 
+/// Finite numbers, shape (size); empty after a problem was reported.
+Eigen::VectorXd numbers(const ValueReader& value, Eigen::Index size) {
+    if (!value.is(JsonValue::Kind::array)) {
+        value.report_kind(fmt::format("a list of {} numbers", size));
+        return {};
+    }
+    const auto items = value.items();
+    if (std::ssize(items) != size) {
+        value.report(fmt::format("has {} numbers, must have {}", items.size(), size));
+        return {};
+    }
+    Eigen::VectorXd out(size);
+    for (Eigen::Index i = 0; i < size; ++i)
+        out[i] = items[static_cast<std::size_t>(i)].number().value_or(0.0);
+    return out;
+}
+
 /// Points of a cycle, shape (n, p): one row of the file per point.
 Eigen::MatrixXd points_of(const ValueReader& value, int period,
                           const std::vector<orbits::SeriesCoordinate>& coordinates) {
@@ -171,7 +188,9 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     if (const auto common = given(object, "common_errors"); common && cycle.points.size() > 0) {
         const auto rows = common->items();
         const auto columns = rows.empty() ? 0 : static_cast<Eigen::Index>(rows.front().value().items.size());
-        cycle.common = matrix(*common, cycle.points.size() + cycle.ln_multiplier.size(), columns);
+        // The last row, of the time, may be missing.
+        const Eigen::Index least = cycle.points.size() + cycle.ln_multiplier.size();
+        cycle.common = matrix(*common, std::ssize(rows) == least + 1 ? least + 1 : least, columns);
         if (!cycle.common.allFinite()) common->report("holds null, must hold numbers");
     }
     cycle.recurrences = count_of(object, "recurrences");
@@ -181,6 +200,8 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     if (const auto quality = given(object, "quality")) cycle.quality = texts(*quality);
     if (const auto time = given(object, "time")) cycle.time = number_or_nan(*time);
     if (const auto sd = given(object, "time_sd")) cycle.time_sd = number_or_nan(*sd);
+    if (const auto covariance = given(object, "time_covariance"); covariance && cycle.points.size() > 0)
+        cycle.time_covariance = numbers(*covariance, cycle.points.size());
     if (const auto code = given(object, "code")) cycle.code = code->text().value_or("");
     // These belong to computed orbits. One that did not converge is no cycle.
     if (const auto status = given(object, "status")) converged = status->text().value_or("") == "converged";

@@ -149,7 +149,9 @@ void judge_scales(const estimator::Estimate& estimate, const ResultContext& cont
         if (is_matching(scale) || scale.count == 0) continue;
         const auto count = static_cast<double>(scale.count);
         records += count;
-        if (scale.estimated && !std::isfinite(scale.lower95) && scale.distribution == "normal")
+        // Factors of errors that cycles share are 1 at least: there they say that the analysis' covariance holds.
+        const bool as_analysed = scale.factor && scale.value == 1.0;
+        if (scale.estimated && !std::isfinite(scale.lower95) && scale.distribution == "normal" && !as_analysed)
             reasons.values.push_back(fmt::format(
                 "the error scale of {} is held at its limit; give an \"sd\" that the instrument has", scale.group));
         if (!scale.estimated && !scale.factor && scale.distribution == "normal" && scale.value > 0.0) {

@@ -4,10 +4,12 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include <fmt/format.h>
 
 #include "apps/job/data_job.hpp"
+#include "apps/job/estimate_job.hpp"
 #include "apps/job/orbits_job.hpp"
 #include "apps/stages/short_record.hpp"
 #include "orbits/records/data_error.hpp"
@@ -82,6 +84,30 @@ orbits::Series embedded_samples(const Job& job, const orbits::Series& record, Se
     return std::move(embedding.series);
 }
 
+/// The coordinate of a plane has no errors at its points: what a job says about them is not used.
+void leave_out_errors(const Job& job, const std::string& name, SearchedSection& section) {
+    if (!job.estimate || !job.estimate->cycles) return;
+    const CyclesResidualJob& cycles = *job.estimate->cycles;
+    const Eigen::Index plane = job.model.system->coordinate_index(name);
+    for (const CovarianceJob& one : cycles.covariances)
+        if (std::find(one.coordinates.begin(), one.coordinates.end(), plane) != one.coordinates.end())
+            throw orbits::DataError(
+                fmt::format("the data choose a plane across {}, which is in a \"covariance\" of the errors of cycles "
+                            "but has one value "
+                            "at all points of the plane; leave it out there, or give the job's \"section\"",
+                            name));
+    for (const ErrorJob& error : cycles.errors) {
+        const bool usual = error.scale.estimate && !(error.scale.value > 0.0) && error.floor == 0.0 &&
+                           std::holds_alternative<estimator::FlatPrior>(error.scale.prior) &&
+                           std::holds_alternative<estimator::NormalErrors>(error.distribution);
+        if (error.coordinate == plane && !usual)
+            section.choices.push_back(fmt::format(
+                "the errors given for {} are not used: it has one value at all points of the section that the data "
+                "chose",
+                name));
+    }
+}
+
 /// The job's plane among the coordinates of `samples`, or the one chosen by these.
 orbits::PlaneCrossing plane_of(const Job& job, const orbits::Series& samples, SearchedSection& section) {
     const bool embedded = job.orbits->embedding.has_value();
@@ -106,6 +132,7 @@ orbits::PlaneCrossing plane_of(const Job& job, const orbits::Series& samples, Se
             "{:.2g} %",
             samples.coordinate(crossing.coordinate).name, crossing.value, crossing.direction > 0 ? "rising" : "falling",
             chosen.crossings, chosen.mean_return, 100.0 * chosen.unevenness));
+        if (!embedded) leave_out_errors(job, samples.coordinate(crossing.coordinate).name, section);
     }
     section.plane = SectionPlane{samples.coordinate(crossing.coordinate).name, crossing.value, crossing.direction};
     return crossing;

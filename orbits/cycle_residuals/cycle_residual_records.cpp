@@ -42,7 +42,13 @@ MatrixXd CycleResidual::own_shape(const estimator::ActiveSet& active, std::size_
     const Index multipliers = has_multipliers(active, block) ? target.ln_multiplier.size() : 0;
     if (positions > 0) shape.topLeftCorner(positions, positions) = target.covariance;
     if (multipliers > 0) shape.block(positions, positions, multipliers, multipliers) = target.multiplier_covariance;
-    if (std::isfinite(target.time)) shape.bottomRightCorner<1, 1>()(0, 0) = target.time_sd * target.time_sd;
+    if (std::isfinite(target.time)) {
+        shape(records - 1, records - 1) = target.time_sd * target.time_sd;
+        if (positions > 0 && target.time_covariance.size() > 0) {
+            shape.col(records - 1).head(positions) = target.time_covariance;
+            shape.row(records - 1).head(positions) = target.time_covariance.transpose();
+        }
+    }
     return shape;
 }
 
@@ -53,7 +59,8 @@ MatrixXd CycleResidual::own_common(const estimator::ActiveSet& active, std::size
     const Index positions = target.positions ? target.points.size() : 0;
     const Index multipliers = has_multipliers(active, block) ? target.ln_multiplier.size() : 0;
     common.topRows(positions) = target.common.topRows(positions);
-    common.middleRows(positions, multipliers) = target.common.bottomRows(multipliers);
+    common.middleRows(positions, multipliers) = target.common.middleRows(target.points.size(), multipliers);
+    if (std::isfinite(target.time)) common.bottomRows(1) = target.common.bottomRows(1);
     return common;
 }
 
@@ -76,13 +83,17 @@ void CycleResidual::link(estimator::ActiveSet& active) const {
         layout.shape = own_shape(active, b);
         const MatrixXd common = own_common(active, b);
         if (common.size() == 0) continue;
-        // Points and multipliers by themselves: what links them is in the common errors.
-        const Index positions = targets_.targets[b].positions ? targets_.targets[b].points.size() : 0;
-        const Index others = layout.shape.rows() - positions;
-        layout.shape.topLeftCorner(positions, positions) -=
-            common.topRows(positions) * common.topRows(positions).transpose();
-        layout.shape.bottomRightCorner(others, others) -=
-            common.bottomRows(others) * common.bottomRows(others).transpose();
+        // Points with the time, and multipliers by themselves: what links them is in the common errors.
+        const CycleTarget& target = targets_.targets[b];
+        const Index positions = target.positions ? target.points.size() : 0;
+        const Index times = std::isfinite(target.time) ? 1 : 0, last = layout.shape.rows() - times;
+        std::vector<Index> points, multipliers;
+        for (Index k = 0; k < layout.shape.rows(); ++k)
+            (k < positions || k == last ? points : multipliers).push_back(k);
+        for (const std::vector<Index>& part : {points, multipliers}) {
+            const MatrixXd shared = common(part, Eigen::all);
+            layout.shape(part, part) -= shared * shared.transpose();
+        }
         CommonErrorStep step = filter.next(common, layout.shape, layout.active);
         layout.shape = std::move(step.shape);
         gain = step.gain.reshaped();

@@ -144,6 +144,18 @@ void take_time(const Cycle& cycle, const CycleTargetOptions& options, CycleTarge
     if (options.weights == CycleWeights::covariance) {
         if (!(cycle.time_sd > 0.0) || !std::isfinite(cycle.time_sd)) return;
         target.time_sd = std::hypot(cycle.time_sd, computed_time_error * cycle.time);
+        if (target.positions && cycle.time_covariance.size() > 0) {
+            refuse_if(cycle.time_covariance.size() != cycle.points.size(),
+                      "cycle {}: covariance of the time has {} numbers, the points {} coordinates", target.cycle,
+                      cycle.time_covariance.size(), cycle.points.size());
+            target.time_covariance = cycle.time_covariance;
+            const VectorXd weights = models::CholeskyFactor(target.covariance).solve(target.time_covariance);
+            // Negated so that nan fails.
+            refuse_if(!(target.time_covariance.dot(weights) < target.time_sd * target.time_sd),
+                      "cycle {}: time_sd is too small beside time_covariance: they must be those of a covariance of "
+                      "points and time",
+                      target.cycle);
+        }
     }
     target.time = cycle.time;
 }
@@ -176,16 +188,20 @@ void take_multipliers(const Cycle& cycle, const CycleTargetOptions& options, Cyc
 /// The rows of Cycle::common that belong to the records of the target.
 void take_common(const Cycle& cycle, const CycleTargetOptions& options, CycleTarget& target) {
     if (options.weights != CycleWeights::covariance || cycle.common.size() == 0) return;
-    refuse_if(
-        cycle.common.rows() != cycle.points.size() + cycle.ln_multiplier.size() || !cycle.common.allFinite(),
-        "cycle {}: common errors have {} rows, must have {} (coordinates of points, then multipliers), all finite",
-        target.cycle, cycle.common.rows(), cycle.points.size() + cycle.ln_multiplier.size());
+    const Index untimed = cycle.points.size() + cycle.ln_multiplier.size();
+    const bool timed = cycle.common.rows() == untimed + 1;
+    refuse_if((cycle.common.rows() != untimed && !timed) || !cycle.common.allFinite(),
+              "cycle {}: common errors have {} rows, must have {} (coordinates of points, then multipliers), or one "
+              "more for the time, all finite",
+              target.cycle, cycle.common.rows(), untimed);
     std::vector<Index> rows;
     for (Index k = 0; k < cycle.points.size(); ++k)
         rows.push_back(k);
     for (const std::size_t m : target.multipliers)
         rows.push_back(cycle.points.size() + static_cast<Index>(m));
-    target.common = cycle.common(rows, Eigen::all);
+    target.common = MatrixXd::Zero(std::ssize(rows) + (std::isfinite(target.time) ? 1 : 0), cycle.common.cols());
+    target.common.topRows(std::ssize(rows)) = cycle.common(rows, Eigen::all);
+    if (std::isfinite(target.time) && timed) target.common.bottomRows(1) = cycle.common.bottomRows(1);
 }
 
 }  // namespace

@@ -62,11 +62,12 @@ struct CycleTarget {
     std::vector<bool> pair;                 ///< whether each is the first of a complex pair
     Eigen::VectorXd ln_multiplier;          ///< ln|multiplier| as measured, same length
     Eigen::MatrixXd multiplier_covariance;  ///< of these; empty = identity
-    /// Errors shared with other cycles (Cycle::common), rows: the points, then the multipliers used; part of both
-    /// covariances. Empty: none.
+    /// Errors shared with other cycles (Cycle::common), rows: the points, then the multipliers used, then the time if
+    /// used; part of all covariances. Empty: none.
     Eigen::MatrixXd common;
     double time = std::numeric_limits<double>::quiet_NaN();  ///< [s]; nan: not used
     double time_sd = 1.0;                                    ///< weights "equal": 1
+    Eigen::VectorXd time_covariance;                         ///< with the points; empty: 0
 };
 
 /// The targets of an estimate, and the cycles that tell nothing about parameters.

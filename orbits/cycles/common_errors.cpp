@@ -9,6 +9,26 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+MatrixXd common_root(const VectorXd& sd, Index largest, const std::function<VectorXd(Index)>& covariance) {
+    const Index records = sd.size();
+    // A logarithm that was not measured shares nothing.
+    const VectorXd scale = (sd.array() > 0.0 && sd.array().isFinite()).select(sd, 0.0);
+    const VectorXd unit = (scale.array() > 0.0).select(scale.cwiseInverse(), 0.0);
+    VectorXd left = (scale.array() > 0.0).cast<double>();  // of each record's shared variance
+    MatrixXd root(records, 64);
+    Index rank = 0, pivot = 0;
+    while (rank < std::min(records, largest) && left.maxCoeff(&pivot) > shared_remainder) {
+        if (rank == root.cols()) root.conservativeResize(records, 2 * rank);
+        const VectorXd next = (unit.array() > 0.0).select(unit[pivot] * unit.cwiseProduct(covariance(pivot)), 0.0) -
+                              root.leftCols(rank) * root.row(pivot).head(rank).transpose();
+        root.col(rank) = next / std::sqrt(next[pivot]);
+        left -= root.col(rank).cwiseAbs2();
+        left[pivot] = 0.0;
+        ++rank;
+    }
+    return scale.asDiagonal() * root.leftCols(rank);
+}
+
 void shorten_common_errors(std::vector<Cycle>& cycles) {
     Index records = 0, columns = 0;
     for (const Cycle& cycle : cycles) {
@@ -23,32 +43,14 @@ void shorten_common_errors(std::vector<Cycle>& cycles) {
         long_form.middleCols(first, cycle.common.rows()) = cycle.common.transpose();
         first += cycle.common.rows();
     }
-    VectorXd sd = long_form.colwise().norm().transpose();
-    for (Index i = 0; i < records; ++i) {
-        if (sd[i] > 0.0 && std::isfinite(sd[i])) {
-            long_form.col(i) /= sd[i];
-        } else {
-            long_form.col(i).setZero();  // a logarithm that was not measured
-            sd[i] = 0.0;
-        }
-    }
-    VectorXd left = (sd.array() > 0.0).cast<double>();  // of each record's shared variance
-    MatrixXd root(records, 64);
-    Index rank = 0, pivot = 0;
-    while (rank < std::min(records, columns) && left.maxCoeff(&pivot) > shared_remainder) {
-        if (rank == root.cols()) root.conservativeResize(records, 2 * rank);
-        const VectorXd next =
-            long_form.transpose() * long_form.col(pivot) - root.leftCols(rank) * root.row(pivot).head(rank).transpose();
-        root.col(rank) = next / std::sqrt(next[pivot]);
-        left -= root.col(rank).cwiseAbs2();
-        left[pivot] = 0.0;
-        ++rank;
-    }
+    const VectorXd sd = long_form.colwise().norm().transpose();
+    const MatrixXd root =
+        common_root(sd, columns, [&](Index record) { return VectorXd(long_form.transpose() * long_form.col(record)); });
     first = 0;
     for (Cycle& cycle : cycles) {
         const Index own = cycle.common.rows();
         if (own == 0) continue;
-        cycle.common = sd.segment(first, own).asDiagonal() * root.block(first, 0, own, rank);
+        cycle.common = root.middleRows(first, own);
         first += own;
     }
 }

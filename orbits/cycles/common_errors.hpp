@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -21,6 +22,13 @@ namespace orbid::orbits {
 /// @param cycles  all with as many columns, or none. Entries without remain so.
 /// Cost: records x columns (old + new) x new columns; memory records x old columns.
 void shorten_common_errors(std::vector<Cycle>& cycles);
+
+/// The same from the shared covariance of all records: G, shape (records, r).
+/// @param sd          roots of its diagonal; 0 or not finite: the record shares nothing
+/// @param largest     columns that are enough in any case
+/// @param covariance  of one record with all, shape (records)
+[[nodiscard]] Eigen::MatrixXd common_root(const Eigen::VectorXd& sd, Eigen::Index largest,
+                                          const std::function<Eigen::VectorXd(Eigen::Index)>& covariance);
 
 inline constexpr double shared_remainder = 1e-3;
 

@@ -25,8 +25,9 @@ struct Cycle {
     Eigen::VectorXd ln_multiplier;                  ///< ln |multiplier|, same order
     Eigen::MatrixXd ln_multiplier_covariance;       ///< shape (n, n)
     /// Errors that this cycle shares with the others of its list, because one map gave them all: G, shape (n p + n, r),
-    /// rows as `covariance`, then as `ln_multiplier`; Cov(cycle c, cycle d) = G_c G_d'. G G' is part of both
-    /// covariances. Empty: no errors are known to be shared, or the earlier partner of a mirror pair has them.
+    /// rows as `covariance`, then as `ln_multiplier`, or (n p + n + 1, r) with `time` as the last row;
+    /// Cov(cycle c, cycle d) = G_c G_d'. G G' is part of all covariances. Empty: no errors are known to be shared, or
+    /// the earlier partner of a mirror pair has them.
     Eigen::MatrixXd common;
     double time = std::numeric_limits<double>::quiet_NaN();     ///< [s] until it closes; nan: the series has no times
     double time_sd = std::numeric_limits<double>::quiet_NaN();  ///< [s]
@@ -34,6 +35,7 @@ struct Cycle {
     std::size_t recurrences = 0;  ///< points of the series that led here
     std::optional<std::size_t> mirror;  ///< index of the mirror partner in the list; its own when symmetric
     std::vector<std::string> quality;   ///< flags in words; empty = no reservations
+    Eigen::VectorXd time_covariance;    ///< of `time` with the points, shape (n p) [unit s]; empty: taken as 0
 };
 
 /// What a search for cycles found and what it missed.

@@ -33,11 +33,29 @@ Cycle plain(const SectionPoints& section, const CycleCandidate& draft) {
     }
     cycle.time = draft.time;
     cycle.time_sd = draft.time_sd;
+    if (draft.time_covariance.size() > 0) cycle.time_covariance = unit.cwiseProduct(draft.time_covariance);
     cycle.recurrences = draft.recurrences;
     for (Eigen::Index a = 0; a < draft.advance.size(); ++a)
         cycle.rotation.push_back(static_cast<int>(draft.advance[a]));
     cycle.quality = draft.quality;
     return cycle;
+}
+
+// Mirrored halves of a cycle come from the same data. Together they say what one says: their sum has twice the variance
+// of independent halves, and their difference, which is 0, says nothing.
+void add_difference_of_halves(const SectionPoints& section, Eigen::Index shift, CycleCandidate& draft) {
+    const Eigen::Index n = draft.points.rows(), p = draft.points.cols();
+    if (draft.readings.points.empty()) {
+        draft.covariance *= 2.0;
+        draft.time_covariance *= 2.0;
+        draft.time_sd *= std::numbers::sqrt2;
+        return;
+    }
+    Eigen::MatrixXd difference = 0.5 * Eigen::MatrixXd::Identity(n * p, n * p);
+    for (Eigen::Index j = 0; j < p; ++j)
+        for (Eigen::Index d = 0; d < n; ++d)
+            difference(j * n + d, ((j + shift) % p) * n + d) -= 0.5 * section.signs()[d];
+    draft.covariance += 2.0 * difference * draft.covariance.diagonal().asDiagonal() * difference.transpose();
 }
 
 }  // namespace
@@ -160,8 +178,7 @@ void publish(const SectionPoints& section, const CycleCandidate& draft, double t
             const Eigen::VectorXd mirrored = section.signs().cwiseProduct(draft.points.col((j + shift) % p));
             symmetric.points.col(j) = section.wrapped(here + 0.5 * section.difference(mirrored, here));
         }
-        // Both halves come from the same data: twice the variance, so that together they say what one says.
-        symmetric.covariance *= 2.0;
+        add_difference_of_halves(section, shift, symmetric);
         cycle = plain(section, symmetric);
         cycle.mirror = own;
         cycles.push_back(std::move(cycle));
@@ -173,6 +190,7 @@ void publish(const SectionPoints& section, const CycleCandidate& draft, double t
         partner.points.col(j) = section.wrapped(section.signs().cwiseProduct(draft.points.col(j)));
     const Eigen::VectorXd signs = section.signs().replicate(p, 1);
     partner.covariance = signs.asDiagonal() * draft.covariance * signs.asDiagonal();
+    if (partner.time_covariance.size() > 0) partner.time_covariance = signs.cwiseProduct(draft.time_covariance);
     for (Eigen::Index a = 0, d = 0; d < section.dimension(); ++d)
         if (section.is_angle(d)) {
             if (a < partner.advance.size()) partner.advance[a] *= section.signs()[d];

@@ -16,6 +16,12 @@
 
 namespace orbid::orbits {
 
+/// What the errors of a section's points and times add to records of a cycle.
+struct ReadingShares {
+    std::vector<std::size_t> points;  ///< those with a share, ascending
+    Eigen::MatrixXd shares;           ///< H, shape ((n + 1) points, records): H' H is the records' covariance
+};
+
 /// A closed orbit of a map fitted to the data, in the scaled units of SectionPoints, before it becomes a Cycle.
 struct CycleCandidate {
     Eigen::MatrixXd points;      ///< shape (n, p), wrapped
@@ -31,6 +37,12 @@ struct CycleCandidate {
     /// Solutions of one map for the whole section are the same only within this distance (scaled units), mirror images
     /// included; empty: judged by their sds.
     std::optional<double> same_within;
+
+    Eigen::VectorXd time_covariance;  ///< with the points, shape (n p); empty: not known
+    /// By the errors of the section's points and times (errors_by_readings), records as Cycle::common with the time;
+    /// empty: not known. With it `covariance` knows that mirrored halves of a cycle have the same errors.
+    ReadingShares readings;
+    std::size_t start = 0;  ///< of its finder and period, from which it was found
 
     /// Largest standard deviation of a coordinate of a point.
     [[nodiscard]] double largest_sd() const;

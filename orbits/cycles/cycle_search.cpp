@@ -10,6 +10,7 @@
 #include "models/arithmetic/cholesky_factor.hpp"
 #include "orbits/cycles/common_errors.hpp"
 #include "orbits/cycles/cycle_finder.hpp"
+#include "orbits/cycles/shared_readings.hpp"
 #include "orbits/local_maps/manifold_map.hpp"
 #include "orbits/local_maps/noise_level.hpp"
 #include "orbits/records/refusal.hpp"
@@ -129,6 +130,13 @@ std::string symbolic_code(const Partition& partition, const Eigen::MatrixXd& poi
     return code;
 }
 
+// Errors of points by those of readings, from scaled units to those of the coordinates.
+ReadingShares in_units(const SectionPoints& section, ReadingShares readings, Eigen::Index coordinates) {
+    for (Eigen::Index record = 0; record < std::min(readings.shares.cols(), coordinates); ++record)
+        readings.shares.col(record) *= section.scale()[record % section.dimension()];
+    return readings;
+}
+
 /// @param tried  starts of this period
 std::string why_missing(int period, std::size_t tried) {
     if (tried == 0)
@@ -184,6 +192,7 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
         if (options.progress) options.progress(part, done++, periods.size() + 1);
     };
     tell("reading errors and maps");
+    std::vector<ReadingShares> readings;  // one per cycle
     const std::unique_ptr<CycleFinder> finder = choose_finder(series, section, options, result);
     // Finders that fit along a sheet know the times along it.
     std::optional<NeighbourIndex> timing;
@@ -201,10 +210,14 @@ CycleSearch find_cycles(const Series& series, const CycleSearchOptions& options)
             if (timing && std::isnan(draft.time)) time_cycle(section, *timing, draft);
             const double sd = draft.largest_sd();
             const double tolerance = same_cycle_tolerance(sd, sd, merging_boxes * options.box);
+            const std::size_t own = result.cycles.size();
             publish(section, draft, draft.same_within.value_or(tolerance), result.cycles);
+            readings.resize(result.cycles.size());
+            readings[own] = in_units(section, std::move(draft.readings), draft.points.size());
         }
     }
     shorten_common_errors(result.cycles);
+    share_readings(readings, result.cycles);
     if (options.partition)
         for (Cycle& cycle : result.cycles)
             cycle.code = symbolic_code(*options.partition, cycle.points);

@@ -12,6 +12,7 @@
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/cycle_refinement.hpp"
 #include "orbits/cycles/recurrence.hpp"
+#include "orbits/cycles/shared_readings.hpp"
 #include "orbits/local_maps/manifold_map.hpp"
 #include "orbits/sections/neighbour_index.hpp"
 
@@ -62,15 +63,23 @@ public:
             recurrence_seeds(section_, period, options_.box, static_cast<std::size_t>(options_.minimum_recurrences));
         search.candidates += seeds.size();
         std::vector<JudgedCandidate> trials(seeds.size());
+        std::vector<Solution> solutions(seeds.size());
         // Every index writes its own slot: the same bytes with any number of threads.
         tbb::parallel_for(std::size_t{0}, seeds.size(), [&](std::size_t i) {
-            const Solution solution = solve(seeds[i], period);
+            Solution solution = solve(seeds[i], period);
             if (!solution.converged) return;
             trials[i].draft = draft(solution);
             trials[i].draft.recurrences = seeds[i].recurrences;
+            trials[i].draft.start = i;
             trials[i].accepted = believable(trials[i].draft, solution);
+            solutions[i] = std::move(solution);
         });
-        return merged_by_sds(section_, accepted_drafts(std::move(trials), search), same_limit);
+        std::vector<CycleCandidate> cycles =
+            merged_by_sds(section_, accepted_drafts(std::move(trials), search), same_limit);
+        if (section_.errors_known())
+            for (CycleCandidate& cycle : cycles)
+                trace_errors(solutions[cycle.start].maps, cycle);
+        return cycles;
     }
 
 private:
@@ -92,8 +101,10 @@ private:
                 if (round >= free_rounds) {
                     map = fits_.fit(place, solution.maps[at].order, solution.maps[at].neighbours);
                     // The scatter between choices of the fit is known from the last free round.
-                    if (map.sheet_dimension() == solution.maps[at].sheet_dimension())
+                    if (map.sheet_dimension() == solution.maps[at].sheet_dimension()) {
                         map.covariance = solution.maps[at].covariance;
+                        map.choice = solution.maps[at].choice;
+                    }
                 }
                 if (!map.usable) map = fits_.best(place);
                 if (!map.usable) return solution;
@@ -120,17 +131,15 @@ private:
         return solution;
     }
 
-    // Errors of values and times of all fits as they move points and time: rows are the points' coordinates, then T.
-    [[nodiscard]] Eigen::MatrixXd point_covariance(const std::vector<ManifoldMap>& maps) const {
+    // Points and time by the errors of values and times of all fits: rows are the points' coordinates, then T.
+    [[nodiscard]] Eigen::MatrixXd response_of(const std::vector<ManifoldMap>& maps) const {
         const Eigen::Index n = section_.dimension(), p = static_cast<Eigen::Index>(maps.size());
         std::vector<Eigen::MatrixXd> jacobians;
         Eigen::RowVectorXd time_slope(n * p);
-        Eigen::MatrixXd errors = Eigen::MatrixXd::Zero((n + 1) * p, (n + 1) * p);
         for (Eigen::Index j = 0; j < p; ++j) {
             const ManifoldMap& map = maps[static_cast<std::size_t>(j)];
             jacobians.push_back(map.jacobian());
             time_slope.segment(j * n, n) = map.time_slope.transpose() * map.along;
-            errors.block(j * (n + 1), j * (n + 1), n + 1, n + 1) = map.covariance;
         }
         const Eigen::MatrixXd inverse = models::inverse(coupled_matrix(jacobians));
         Eigen::MatrixXd response = Eigen::MatrixXd::Zero(n * p + 1, (n + 1) * p);
@@ -139,23 +148,61 @@ private:
             response.block(n * p, j * (n + 1), 1, n) = -time_slope * inverse.middleCols(j * n, n);
             response(n * p, j * (n + 1) + n) = 1.0;
         }
+        return response;
+    }
+
+    // Their covariance, with fits that are independent.
+    [[nodiscard]] Eigen::MatrixXd point_covariance(const std::vector<ManifoldMap>& maps) const {
+        const Eigen::Index n = section_.dimension(), p = static_cast<Eigen::Index>(maps.size());
+        Eigen::MatrixXd errors = Eigen::MatrixXd::Zero((n + 1) * p, (n + 1) * p);
+        for (Eigen::Index j = 0; j < p; ++j)
+            errors.block(j * (n + 1), j * (n + 1), n + 1, n + 1) = maps[static_cast<std::size_t>(j)].covariance;
+        const Eigen::MatrixXd response = response_of(maps);
         return response * errors * response.transpose();
     }
 
-    [[nodiscard]] CycleCandidate draft(const Solution& solution) const {
-        const Eigen::Index n = section_.dimension(), p = solution.points.cols();
-        CycleCandidate result;
-        result.points = solution.points;
-        const Eigen::MatrixXd covariance = point_covariance(solution.maps);
-        result.covariance = covariance.topLeftCorner(n * p, n * p);
+    // The covariance as the errors of the section's points make it, which several fits and cycles share. What the
+    // choice of the fits adds is the cycle's own.
+    void trace_errors(const std::vector<ManifoldMap>& maps, CycleCandidate& cycle) const {
+        const Eigen::Index n = section_.dimension(), p = static_cast<Eigen::Index>(maps.size());
+        const Eigen::MatrixXd response = response_of(maps);
+        Eigen::MatrixXd choices = Eigen::MatrixXd::Zero((n + 1) * p, p);
+        for (Eigen::Index j = 0; j < p; ++j)
+            if (const ManifoldMap& map = maps[static_cast<std::size_t>(j)]; map.choice.size() > 0)
+                choices.block(j * (n + 1), j, n + 1, 1) = map.choice;
+        const Eigen::MatrixXd own = response * choices;
+        const Eigen::Index k = cycle.multipliers.ln_modulus.size();
+        Eigen::MatrixXd with_multipliers = Eigen::MatrixXd::Zero(n * p + k + 1, response.cols());
+        with_multipliers.topRows(n * p) = response.topRows(n * p);
+        with_multipliers.bottomRows(1) = response.bottomRows(1);
+        cycle.readings = errors_by_readings(section_, maps, with_multipliers);
+        const Eigen::MatrixXd all = cycle.readings.shares.transpose() * cycle.readings.shares;
+        Eigen::MatrixXd covariance = own * own.transpose();
+        covariance.topLeftCorner(n * p, n * p) += all.topLeftCorner(n * p, n * p);
+        covariance.topRightCorner(n * p, 1) += all.topRightCorner(n * p, 1);
+        covariance(n * p, n * p) += all(all.rows() - 1, all.cols() - 1);
+        set_errors(covariance, cycle);
+    }
+
+    void set_errors(const Eigen::MatrixXd& covariance, CycleCandidate& cycle) const {
+        const Eigen::Index coordinates = cycle.points.size();
+        cycle.covariance = covariance.topLeftCorner(coordinates, coordinates);
         // Along the sheet there are fewer directions than coordinates, so the matrix is singular; what the readings
         // leave uncertain across the sheet is at least a small part of its largest variance.
-        result.covariance.diagonal().array() += least_share * result.covariance.diagonal().maxCoeff();
+        cycle.covariance.diagonal().array() += least_share * cycle.covariance.diagonal().maxCoeff();
+        if (!section_.timed()) return;
+        cycle.time_covariance = covariance.topRightCorner(coordinates, 1);
+        cycle.time_sd = std::sqrt((1.0 + least_share) * covariance(coordinates, coordinates));
+    }
+
+    [[nodiscard]] CycleCandidate draft(const Solution& solution) const {
+        CycleCandidate result;
+        result.points = solution.points;
+        set_errors(point_covariance(solution.maps), result);
         if (section_.timed()) {
             result.time = 0.0;
             for (const ManifoldMap& map : solution.maps)
                 result.time += map.time;
-            result.time_sd = std::sqrt(covariance(n * p, n * p));
         }
         multipliers(solution, result);
         result.advance = count_turns(section_, grid_, result.points);

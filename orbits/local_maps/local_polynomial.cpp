@@ -57,7 +57,9 @@ LocalPolynomial fit_local_polynomial(const Eigen::MatrixXd& offsets, const Eigen
     Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(k, n + 1);
     rows.topRows(coefficients) = first;
     solver.apply_q(rows);
-    const Eigen::VectorXd leverages = (weight.asDiagonal() * rows).colwise().squaredNorm().transpose();
+    rows = weight.asDiagonal() * rows;
+    const Eigen::VectorXd leverages = rows.colwise().squaredNorm().transpose();
+    result.weights = rows.col(0);
     result.leverage = leverages[0];
     result.slope_leverage = leverages.tail(n) / (radius * radius);
     const Eigen::MatrixXd told = parts.transpose() * solution;

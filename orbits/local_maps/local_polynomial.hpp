@@ -9,6 +9,7 @@ struct LocalPolynomial {
     Eigen::VectorXd value;           ///< at the place, shape (m)
     Eigen::MatrixXd slope;           ///< shape (m, n), per unit of the offsets
     Eigen::MatrixXd residual;        ///< covariance of the values' residuals, shape (m, m)
+    Eigen::VectorXd weights;         ///< of the single values in `value`, shape (k)
     double leverage = 0.0;           ///< variance of `value` for unit variance of independent errors of the values
     Eigen::VectorXd slope_leverage;  ///< the same of the columns of `slope`, shape (n)
     bool usable = false;             ///< false: fewer points than coefficients + 2, or points without n dimensions

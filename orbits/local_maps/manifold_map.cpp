@@ -13,6 +13,7 @@
 #include "orbits/local_maps/fit_limits.hpp"
 #include "orbits/local_maps/local_polynomial.hpp"
 #include "orbits/local_maps/monomials.hpp"
+#include "orbits/local_maps/sheet_support.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -36,9 +37,6 @@ constexpr std::size_t places_at_once = 40;
 constexpr std::size_t least_neighbours = 16;
 constexpr std::size_t most_manifold_neighbours = 8192;
 
-// An image this far (in turns or ranges) from the nearest neighbour's belongs to another piece of the map.
-constexpr double other_piece = 0.25;
-
 // Fits of one order and growing neighbourhoods are used as long as the intervals of so many sds about their values have
 // a point in common (intersection of confidence intervals: Goldenshluger and Nemirovski 1997): truncation, which
 // residuals hide under the noise, then stays within the sds.
@@ -55,50 +53,28 @@ ManifoldMapFits::ManifoldMapFits(const SectionPoints& points, const NeighbourInd
     models::solve_lower_in_place(error_, whitening_);
 }
 
-// Neighbours of a place, nearest first, and what they are mapped to.
-struct ManifoldMapFits::Support {
-    Eigen::VectorXd centre;          // wrapped
-    Eigen::VectorXd reference;       // images are differences to it
-    Eigen::MatrixXd z;               // shape (k, n), in reading errors
-    Eigen::MatrixXd values;          // shape (k, n + 1): images, scaled units, and return times
-    std::vector<Eigen::Index> kept;  // of the first i + 1 neighbours so many do not tear away
-};
+namespace {
 
-ManifoldMapFits::Support ManifoldMapFits::gather(const Eigen::VectorXd& place, std::size_t neighbours) const {
-    const SectionPoints& points = *points_;
-    const Eigen::Index n = points.dimension();
-    Support support;
-    support.centre = points.wrapped(place);
-    support.reference = Eigen::VectorXd::Zero(n);
-    const std::vector<Neighbour> members = grid_->nearest(support.centre, neighbours);
-    support.z.resize(static_cast<Eigen::Index>(members.size()), n);
-    support.values = Eigen::MatrixXd::Zero(support.z.rows(), n + 1);
-    Eigen::VectorXd offset(n);
-    Eigen::Index kept = 0;
-    for (const Neighbour& member : members) {
-        bool whole = true;
-        for (Eigen::Index d = 0; d < n; ++d) {
-            const double sign = member.mirrored ? points.signs()[d] : 1.0;
-            const double image = sign * points.point(member.index + 1)[d];
-            if (kept == 0) support.reference[d] = image;
-            offset[d] = points.difference(sign * points.point(member.index)[d], support.centre[d], d);
-            support.values(kept, d) = points.difference(image, support.reference[d], d);
-            whole = whole && std::abs(support.values(kept, d)) < other_piece;
-        }
-        if (whole) {  // the other piece may begin anywhere around, not only beyond the farthest
-            if (points.timed()) support.values(kept, n) = points.return_time(member.index);
-            support.z.row(kept++) = (whitening_ * offset).transpose();
-        }
-        support.kept.push_back(kept);
-    }
-    return support;
+void keep_weights(ManifoldMap& map, const SheetSupport& support, Eigen::Index kept, const Eigen::VectorXd& weights) {
+    map.support.assign(support.members.begin(), support.members.begin() + kept);
+    map.weights = weights;
+    map.fitted = {map.slope * map.along, (map.time_slope.transpose() * map.along).transpose()};
 }
+
+// Of those within a window, the others have none.
+Eigen::VectorXd spread_out(const Eigen::VectorXd& weights, const std::vector<Eigen::Index>& within, Eigen::Index all) {
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(all);
+    result(within) = weights;
+    return result;
+}
+
+}  // namespace
 
 ManifoldMap ManifoldMapFits::fit(const Eigen::VectorXd& place, int order, std::size_t neighbours) const {
-    return fit(gather(place, neighbours), order, neighbours, true);
+    return fit(sheet_support(*points_, *grid_, whitening_, place, neighbours), order, neighbours, true);
 }
 
-ManifoldMap ManifoldMapFits::fit(const Support& support, int order, std::size_t neighbours, bool backwards) const {
+ManifoldMap ManifoldMapFits::fit(const SheetSupport& support, int order, std::size_t neighbours, bool backwards) const {
     const SectionPoints& points = *points_;
     const Eigen::Index n = points.dimension();
     ManifoldMap map;
@@ -140,6 +116,7 @@ ManifoldMap ManifoldMapFits::fit(const Support& support, int order, std::size_t 
     for (Eigen::Index d = 0; d < n; ++d)
         map.image_covariance(d, d) = std::max(map.image_covariance(d, d), expected(d, d));
     map.covariance = found.leverage * map.image_covariance;
+    keep_weights(map, support, kept, found.weights);
     map.slope_leverage = found.slope_leverage;
     // The errors along the sheet enter what is left across it through its slope.
     for (Eigen::Index d = 0; d < n - k; ++d)
@@ -165,7 +142,8 @@ void ManifoldMapFits::read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t,
     const double reach = t.cwiseAbs().maxCoeff() - blurred;
     if (!(stretch > 1.0) || !(reach > 1.0)) return;
     direction /= stretch;
-    const Eigen::VectorXd all = values.leftCols(n) * (whitening_.transpose() * direction);
+    map.measure = whitening_.transpose() * direction;
+    const Eigen::VectorXd all = values.leftCols(n) * map.measure;
     // The window in the image must hold no image of a place beyond the neighbours, errors included.
     const double radius = stretch * reach;
     const double start = direction.dot(whitening_ * map.offset);
@@ -197,7 +175,8 @@ void ManifoldMapFits::read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t,
             origin += std::clamp(step, -0.5 * radius, 0.5 * radius);
             continue;
         }
-        const Eigen::VectorXd unit = error_ * direction;
+        map.backward_weights = spread_out(found.weights, within, all.size());
+        const Eigen::VectorXd& unit = map.unit = error_ * direction;
         Eigen::MatrixXd across = Eigen::MatrixXd::Identity(n, n) - unit * direction.transpose() * whitening_;
         const Eigen::MatrixXd covariance = across * map.covariance.topLeftCorner(n, n) * across.transpose();
         map.value = points_->wrapped(map.value + unit * (origin + step - start));
@@ -219,7 +198,7 @@ void ManifoldMapFits::read_backwards(ManifoldMap& map, const Eigen::MatrixXd& t,
 ManifoldMap ManifoldMapFits::best(const Eigen::VectorXd& place) const {
     const Eigen::Index n = points_->dimension();
     const std::size_t most = std::min(most_manifold_neighbours, points_->image_count() / 4);
-    const Support support = gather(place, most);
+    const SheetSupport support = sheet_support(*points_, *grid_, whitening_, place, most);
     // Fits of as few dimensions as there are win: where the sheet is folded within the errors there are only others.
     const auto better = [n](const ManifoldMap& a, const ManifoldMap& b) {
         if (!b.usable || a.sheet_dimension() != b.sheet_dimension())
@@ -255,6 +234,7 @@ ManifoldMap ManifoldMapFits::best(const Eigen::VectorXd& place) const {
         difference.head(n) = points_->difference(second.value, best.value);
         difference[n] = second.time - best.time;
         best.covariance += difference * difference.transpose();
+        best.choice = difference;
     }
     return best;
 }
@@ -262,7 +242,7 @@ ManifoldMap ManifoldMapFits::best(const Eigen::VectorXd& place) const {
 Eigen::Index ManifoldMapFits::sheet_dimension_at(const Eigen::VectorXd& place) const {
     const Eigen::Index n = points_->dimension();
     const std::size_t most = std::min(most_manifold_neighbours, points_->image_count() / 4);
-    const Support support = gather(place, most);
+    const SheetSupport support = sheet_support(*points_, *grid_, whitening_, place, most);
     Eigen::Index least = n;
     for (const int order : {2, 3})
         for (std::size_t k = least_neighbours; k <= most; k += k / 2) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -36,10 +37,24 @@ struct ManifoldMap {
     int order = 0;
     std::size_t neighbours = 0;
     bool usable = false;
+    Eigen::VectorXd choice;  ///< difference of (value, time) to the second-best fit, part of `covariance`; empty: none
+
+    // How value and time depend on the readings, for the errors that fits share (add_point_errors).
+    std::vector<Neighbour> support;    ///< the neighbours fitted
+    Eigen::VectorXd weights;           ///< of their images and times in (value, time)
+    Eigen::VectorXd backward_weights;  ///< where the map was read backwards, of places and times, else empty
+    Eigen::VectorXd unit;              ///< then the direction of the images, shape (n), scaled units
+    Eigen::VectorXd measure;           ///< and what measures along it: measure' unit = 1
+    struct Slopes {
+        Eigen::MatrixXd image;  ///< dF/dx, shape (n, n)
+        Eigen::VectorXd time;   ///< shape (n)
+    } fitted;                   ///< not read backwards
 
     [[nodiscard]] Eigen::Index sheet_dimension() const { return slope.cols(); }
     [[nodiscard]] Eigen::MatrixXd jacobian() const { return slope * along; }  ///< shape (n, n), rank k
 };
+
+struct SheetSupport;
 
 /// Fits of the map along a sheet.
 class ManifoldMapFits {
@@ -63,9 +78,7 @@ public:
     [[nodiscard]] Eigen::Index sheet_dimension() const;
 
 private:
-    struct Support;
-    [[nodiscard]] Support gather(const Eigen::VectorXd& place, std::size_t neighbours) const;
-    [[nodiscard]] ManifoldMap fit(const Support& support, int order, std::size_t neighbours, bool backwards) const;
+    [[nodiscard]] ManifoldMap fit(const SheetSupport& support, int order, std::size_t neighbours, bool backwards) const;
 
     [[nodiscard]] Eigen::Index sheet_dimension_at(const Eigen::VectorXd& place) const;
     // Of an expanding one-dimensional map: the place as a function of the image.

@@ -28,6 +28,11 @@ struct Segment {
     Eigen::VectorXd times;  ///< shape (m) [s] for samples and crossings of autonomous flows; else empty
     /// Known sd of every value, in its unit, shape (n, m): > 0, nan where none is known. Empty: none is known.
     Eigen::MatrixXd deviations = {};
+    /// Of crossings: known sd of every time [s], shape (m), and the rates at which the coordinates change there, shape
+    /// (n, m). An error dt of a time moves the coordinates by rates dt, which is part of `deviations`. Empty: not
+    /// known.
+    Eigen::VectorXd time_deviations = {};
+    Eigen::MatrixXd rates = {};
 };
 
 /// A measured or simulated record.

@@ -13,7 +13,7 @@ namespace orbid::orbits {
 
 /// A section made from samples in time.
 struct SampledSection {
-    Series series;                       ///< kind section; deviations: the errors left after smoothing
+    Series series;                       ///< kind section, with the errors of points and times left after smoothing
     std::vector<TimeWindow> windows;     ///< per coordinate of the samples; none: the samples were taken as they are
     Eigen::VectorXd sample_deviation;    ///< sd of the errors of one sample, per coordinate of the samples
     Eigen::MatrixXd reading_covariance;  ///< mean of the points' covariances, per coordinates of `series`
@@ -30,9 +30,10 @@ struct PlaneCrossing {
 /// Crossings of a plane by a sampled motion.
 ///
 /// Every coordinate is smoothed by local polynomials in time. Their window is the one that best predicts held-out
-/// samples near the crossings (best_window): the data weigh noise against curvature. At a crossing the plane's
-/// coordinate passes the value for good: it must be 3 sds of the smoothed coordinate beyond the value before and after.
-/// The instant t* is the root of the polynomial; the other coordinates are their polynomials at t*, with
+/// samples near the crossings (best_window), narrowed() where the sds of samples are at most 0.5 % of the range: cycles
+/// average over many crossings. At a crossing the plane's coordinate passes the value for good: it must be 3 sds of the
+/// smoothed coordinate beyond the value before and after. The instant t* is the root of the polynomial; the other
+/// coordinates are their polynomials at t*, with
 ///
 ///     Cov = diag(sigma_d^2 v_d) + x' x'^T sigma_c^2 v_c / c'^2
 ///

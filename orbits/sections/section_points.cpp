@@ -85,6 +85,29 @@ Eigen::VectorXd ranges_of(const Blocks& blocks, Eigen::Index n) {
     return highest.rowwise().maxCoeff() - lowest.rowwise().minCoeff();
 }
 
+// Of crossings that were told by samples. A sd of 0, of samples without errors, is known, too.
+bool knows_errors(const Series& series) {
+    return series.timed() && std::all_of(series.segments.begin(), series.segments.end(), [&](const Segment& segment) {
+               const Eigen::Index n = segment.values.rows(), m = segment.values.cols();
+               const auto fits = [&](const Eigen::MatrixXd& one) { return one.rows() == n && one.cols() == m; };
+               return fits(segment.deviations) && fits(segment.rates) && segment.time_deviations.size() == m &&
+                      segment.rates.allFinite() && segment.time_deviations.allFinite() &&
+                      segment.deviations.allFinite();
+           });
+}
+
+// SectionPoints::error_root() by its diagonal and last column.
+void keep_errors(const Segment& segment, Eigen::Index column, const Eigen::VectorXd& scale, double* errors) {
+    const Eigen::Index n = scale.size();
+    for (Eigen::Index d = 0; d < n; ++d) {
+        const double moved = segment.rates(d, column) * segment.time_deviations[column];
+        const double all = segment.deviations(d, column);
+        errors[d] = std::sqrt(std::max(all * all - moved * moved, 0.0)) / scale[d];
+        errors[n + d] = moved / scale[d];
+    }
+    errors[2 * n] = segment.time_deviations[column];
+}
+
 void check_shape(const Series& series, const std::optional<std::vector<double>>& signs) {
     refuse_if(series.sampling != Series::Sampling::section,
               "find_cycles: the series holds time samples; it needs sections");
@@ -128,6 +151,7 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
     has_image_.assign((size_ + 63) / 64, 0);
     if (series.timed()) times_.resize(size_);
     if (turns_known_) turns_.resize(size_ * angle_count_);
+    if (knows_errors(series)) errors_.resize(size_ * (2 * n + 1));
     std::vector<std::size_t> images(blocks.count(), 0);
     std::vector<char> too_many(blocks.count(), 0);  // turns to be stored
     blocks.each([&](std::size_t b, std::size_t i, const Segment& segment, Eigen::Index column) {
@@ -137,6 +161,7 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
             values_[i * n + d] = angle_[d] ? wrapped_turns(scaled) : scaled;
         }
         if (!times_.empty()) times_[i] = segment.times[column];
+        if (!errors_.empty()) keep_errors(segment, column, scale_, &errors_[i * (2 * n + 1)]);
         if (!(column + 1 < segment.values.cols() && segment.values.col(column).allFinite() &&
               segment.values.col(column + 1).allFinite()))
             return;
@@ -159,6 +184,15 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
         image_count_ += images[b];
         if (too_many[b]) turns_known_ = false;
     }
+}
+
+Eigen::MatrixXd SectionPoints::error_root(std::size_t i) const {
+    const Eigen::Index n = dimension();
+    const Eigen::Map<const Eigen::VectorXd> own(&errors_[i * static_cast<std::size_t>(2 * n + 1)], 2 * n + 1);
+    Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n + 1, n + 1);
+    root.diagonal().head(n) = own.head(n);
+    root.col(n) = own.tail(n + 1);
+    return root;
 }
 
 Eigen::VectorXd SectionPoints::difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {

@@ -18,7 +18,8 @@ namespace orbid::orbits {
 
 /// The points of a section series in units of Series::scale(), in order, ready for neighbour searches.
 ///
-/// Memory: 8 n + 1/8 bytes per point, 2 more per angle with known turns, 8 more for times.
+/// Memory: 8 n + 1/8 bytes per point, 2 more per angle with known turns, 8 more for times, 16 n + 8 for their
+/// errors.
 ///
 /// Angles are turns in [-1/2, 1/2): use difference() for the difference of two points. The image of a point is its
 /// successor: point i is mapped to point i + 1 when has_image(i).
@@ -78,6 +79,11 @@ public:
     /// From point i to its image [s]; meaningful only when timed() and has_image(i).
     [[nodiscard]] double return_time(std::size_t i) const { return times_[i + 1] - times_[i]; }
     [[nodiscard]] bool timed() const { return !times_.empty(); }
+    /// Errors of all points and times are known (Segment::time_deviations).
+    [[nodiscard]] bool errors_known() const { return !errors_.empty(); }
+    /// A root of the covariance of point i (scaled units) and its time [s], shape (n + 1, n + 1): the own error of
+    /// every coordinate, then that of the time, which moves all of them. Meaningful only when errors_known().
+    [[nodiscard]] Eigen::MatrixXd error_root(std::size_t i) const;
     /// All angles were read without wrapping (their readings cover more than one turn), so turns can be counted: up to
     /// 32767 from a point to its image.
     [[nodiscard]] bool turns_known() const { return turns_known_; }
@@ -90,6 +96,7 @@ private:
     std::unique_ptr<double[]> values_;  ///< point after point
     std::vector<std::int16_t> turns_;   ///< whole turns on the way to the image, per angle; empty unless turns_known_
     std::vector<double> times_;         ///< [s] of all points; empty unless the series has them
+    std::vector<double> errors_;        ///< per point: own sds, what the time's error adds, its sd; empty: not known
     std::vector<std::uint64_t> has_image_;  ///< one bit per point
     std::size_t image_count_ = 0;
     std::size_t angle_count_ = 0;

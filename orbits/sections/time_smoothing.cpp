@@ -228,4 +228,10 @@ TimeWindow best_window(const Series& samples, Eigen::Index coordinate,
     return best;
 }
 
+TimeWindow narrowed(TimeWindow window) {
+    const double share = std::pow(0.1, 1.0 / (window.degree + 1.0));
+    window.half_width = std::max((window.degree + 1) / 2, static_cast<int>(std::lround(share * window.half_width)));
+    return window;
+}
+
 }  // namespace orbid::orbits

@@ -129,16 +129,23 @@ orbits::CycleTargetOptions cycle_choice(NamedArguments& given, const id::Identif
     using Weights = orbits::CycleWeights;
     result.weights = given.word<Weights>("weights", {{"covariance", Weights::covariance}, {"equal", Weights::equal}},
                                          result.weights);
+    const auto& plane = problem.measured.plane;
+    result.times = plane.has_value();
     given.take({{"periods", result.periods, 1},
                 {"positions", result.positions},
                 {"multipliers", result.multipliers},
                 {"times", result.times}});
     if (problem.measured.experiment) result.sensor = problem.experiments[*problem.measured.experiment].sensor;
-    if (const py::object errors = given.find_value("errors"))
-        for (const ErrorModel& one : error_models(errors, coordinate_names(*problem.system), given.place("errors"))) {
+    if (const py::object errors = given.find_value("errors")) {
+        // The plane's coordinate is the same at all points.
+        std::vector<std::string> names;
+        for (Eigen::Index k = 0; k < problem.system->dimension(); ++k)
+            if (!plane || plane->normal[k] == 0.0) names.emplace_back(problem.coordinate(k).name);
+        for (const ErrorModel& one : error_models(errors, names, given.place("errors"))) {
             result.errors.push_back(one.scale);
             result.forms.push_back({one.distribution, one.floor});
         }
+    }
     return result;
 }
 
@@ -159,11 +166,14 @@ id::WaveformChoice waveform_choice(NamedArguments& given, const id::Identificati
 void read_cycles(NamedArguments& given, id::IdentificationProblem& problem) {
     const py::object cycles = given.find_value("cycles");
     const py::object search = given.find_value("search");
+    const py::object section = given.find_value("section");
     if (!cycles) {
         if (search) throw py::value_error("search: without cycles; see orbid.find_cycles()");
+        if (section) throw py::value_error("section: without cycles, whose points lie on it; see orbid.find_cycles()");
         return;
     }
     id::MeasuredCycles& measured = problem.measured;
+    if (section) measured.plane = plane(*problem.system, section);
     if (py::isinstance<orbits::CycleSearch>(cycles))
         measured.search = cycles.cast<const orbits::CycleSearch&>();
     else

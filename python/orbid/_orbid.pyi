@@ -301,7 +301,8 @@ class Identification(Estimate):
     matching: Final[Rows]
     structure: Final[Dict[str, Any]]
 
-def identify(system: System, records: Sequence[Keys], parameters: Values, **options: Any) -> Identification: ...
+def identify(system: System, records: Sequence[Keys], parameters: Values, *, section: Optional[Section] = None,
+             **options: Any) -> Identification: ...
 
 # Series, cycles, their residuals
 
@@ -358,7 +359,7 @@ class Cycle:
     def __init__(self, points: ArrayLike, *, covariance: Optional[ArrayLike] = None,
                  multipliers: Optional[Sequence[complex]] = None, ln_multiplier: Optional[ArrayLike] = None,
                  ln_multiplier_covariance: Optional[ArrayLike] = None, time: float = ...,
-                 time_sd: float = ...) -> None: ...
+                 time_sd: float = ..., time_covariance: Optional[ArrayLike] = None) -> None: ...
     period: Final[int]
     rotation: Final[List[int]]
     points: Final[Array]
@@ -369,6 +370,7 @@ class Cycle:
     common_errors: Final[Array]
     time: Final[float]
     time_sd: Final[float]
+    time_covariance: Final[Array]
     code: Final[str]
     recurrences: Final[int]
     mirror: Final[Optional[int]]

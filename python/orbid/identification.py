@@ -68,6 +68,8 @@ def identify(model: System, records: Union[Record, Sequence[Union[Record, Mappin
     residuals       list of dicts with type "cycles", "series" or "waveform", and their keys (docs/job_reference.md);
                     known_sds=True: readings err by their sds.
     cycles, search  what find_cycles() found in the section record, and the options it was called with.
+    section         {"coordinate": "z", "value": 27, "direction": 1}: the plane of these cycles' points, autonomous models.
+                    Residuals of cycles then take the times in which they close, unless "times" is False.
     derived         dict from names to formulas of parameters.
     joint_priors, variance, scan, seed (1), step_tolerance (1e-3), starts (1), start_seed.
     progress        called as progress(step, share, note), share in [0, 1] or None.

@@ -89,7 +89,10 @@ Cycle make_cycle(const py::object& points, const py::kwargs& keywords) {
     given.take({{"ln_multiplier", cycle.ln_multiplier},
                 {"ln_multiplier_covariance", cycle.ln_multiplier_covariance},
                 {"time", cycle.time},
-                {"time_sd", cycle.time_sd}});
+                {"time_sd", cycle.time_sd},
+                {"time_covariance", cycle.time_covariance}});
+    if (cycle.time_covariance.size() > 0 && cycle.time_covariance.size() != size)
+        throw py::value_error("Cycle: time_covariance: needs shape (" + std::to_string(size) + ",)");
     if (const py::object multipliers = given.find_value("multipliers")) try {
             cycle.multipliers = multipliers.cast<std::vector<std::complex<double>>>();
         } catch (const py::cast_error&) {
@@ -141,10 +144,12 @@ void bind_cycles(py::module_& module) {
         .def_property_readonly("ln_multiplier_covariance", written_memory_of(&Cycle::ln_multiplier_covariance))
         .def_property_readonly(
             "common_errors", written_memory_of(&Cycle::common),
-            "G, shape (period n + n, columns): of the covariance G_c G_d' of this cycle's points and\n"
-            "ln |multipliers| with those of others in its list; empty: none are known")
+            "G, shape (period n + n, columns), or one row more for the time: of the covariance G_c G_d' of this\n"
+            "cycle's points and ln |multipliers| with those of others in its list; empty: none are known")
         .def_readonly("time", &Cycle::time)
         .def_readonly("time_sd", &Cycle::time_sd)
+        .def_property_readonly("time_covariance", memory_of(&Cycle::time_covariance),
+                               "of the time with the points, shape (period n,); empty: taken as 0")
         .def_readonly("code", &Cycle::code, "one symbol per point; empty without a partition")
         .def_readonly("recurrences", &Cycle::recurrences, "points of the series that led here")
         .def_readonly("mirror", &Cycle::mirror, "index of the mirror partner in the list, or None")

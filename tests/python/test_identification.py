@@ -1,6 +1,8 @@
 """identify(): the numbers of a job, its refusals, Ctrl-C and the caller's functions."""
 
+import json
 import os
+import pathlib
 import signal
 import threading
 
@@ -154,3 +156,58 @@ def test_ctrl_c_gives_the_best_so_far(swing):
     assert threading.current_thread() is threading.main_thread()
     result = identified(swing, starts=50, progress=interrupt)
     assert asked and result.status == "interrupted"
+
+
+LORENZ = {"sigma": 10.0, "rho": 28.0, "beta": 8.0 / 3.0}
+PLANE = {"coordinate": "z", "value": 27, "direction": 1}
+
+
+def lorenz_cycles(error):
+    """The shortest cycles in all their crossings (tests/reference/lorenz_orbits.json), read with normal errors."""
+    table = json.loads((pathlib.Path(__file__).parents[1] / "reference" / "lorenz_orbits.json").read_text())["cycles"]
+    lorenz, random, cycles = orbid.model("lorenz"), np.random.default_rng(7), []
+    for entry in table:
+        period = len(entry["code"])
+        if period > 3:
+            continue
+        # Crossings after the first one, and the last of these is the first again.
+        crossed = lorenz.crossings([float(entry["x"]), float(entry["y"]), 27.0], PLANE, period, LORENZ)
+        assert np.allclose(crossed.states[-1, :2], [float(entry["x"]), float(entry["y"])], rtol=0.0, atol=1e-6)
+        points = crossed.states[:, :2] + error * random.normal(size=(period, 2))
+        covariance = error**2 * np.eye(2 * period + 1)
+        covariance[-1, 0] = covariance[0, -1] = 0.5 * error**2
+        cycles.append(orbid.Cycle(points, covariance=covariance[:-1, :-1], time_covariance=covariance[-1, :-1],
+                                  time=float(entry["period"]) + error * random.normal(), time_sd=error))
+        assert np.array_equal(cycles[-1].time_covariance, covariance[-1, :-1])
+    return lorenz, cycles
+
+
+def test_cycles_of_a_flow_are_compared_at_their_plane():
+    lorenz, cycles = lorenz_cycles(1e-4)
+    assert [cycle.period for cycle in cycles] == [2, 3, 3]
+    starts = {name: 1.05 * value for name, value in LORENZ.items()}
+    errors = {"x": {"sd": 1}, "y": {"sd": 1}}
+    found = {times: orbid.identify(lorenz, [], starts, values=LORENZ, cycles=cycles, section=PLANE,
+                                   residuals=[{"type": "cycles", "times": times, "errors": errors}])
+             for times in (True, False)}
+    usual = orbid.identify(lorenz, [], starts, values=LORENZ, cycles=cycles, section=PLANE,
+                           residuals=[{"type": "cycles", "errors": errors}])
+    for name, value in LORENZ.items():
+        for one in found.values():
+            entry = one.parameters[name]
+            assert one.status == "converged" and abs(entry.value - value) < 4.0 * entry.sd < 0.01 * value
+        assert found[True].parameters[name].sd < found[False].parameters[name].sd
+        assert usual.parameters[name].value == found[True].parameters[name].value
+
+
+def test_what_planes_of_cycles_cannot_be_is_refused(swing):
+    lorenz, cycles = lorenz_cycles(1e-4)
+    with pytest.raises(ValueError, match="section: without cycles"):
+        identified(swing, section=PLANE)
+    with pytest.raises(ValueError, match="time_covariance: needs shape"):
+        orbid.Cycle(cycles[0].points, time=1.0, time_sd=0.1, time_covariance=[1.0])
+    with pytest.raises(KeyError, match="did you mean|'w'|w"):
+        orbid.identify(lorenz, [], LORENZ, cycles=cycles, section={"coordinate": "w", "value": 1})
+    with pytest.raises((KeyError, ValueError), match="z"):
+        orbid.identify(lorenz, [], LORENZ, cycles=cycles, section=PLANE,
+                       residuals=[{"type": "cycles", "errors": {"z": {"sd": 1}}}])

@@ -27,14 +27,15 @@ json lorenz_job() {
       "output": { "series": "none" } })");
 }
 
-/// Errors that several cycles share are not in the intervals, which are too small by a factor of two: values are
-/// checked. Starts are 10 % off; eight seeds gave up to 0.27 %, this one 0.012, 0.027 and 0.058 %.
+/// Starts are 10 % off; 48 seeds gave up to 2.7 sds, this one 0.022, 0.011 and 0.026 %, up to 1.2 sds.
 void check_parameters(const json& result) {
     CHECK(result["status"] == "converged");
     for (const auto& [name, parameter] : result["parameters"].items()) {
         CAPTURE(name, parameter.dump());
         const double truth = parameter["reference"];
-        CHECK(std::abs(parameter["value"].get<double>() - truth) < 0.003 * truth);
+        const double off = std::abs(parameter["value"].get<double>() - truth);
+        CHECK(off < 0.003 * truth);
+        CHECK(off < 4.0 * parameter["sd"].get<double>());
     }
 }
 
@@ -49,7 +50,7 @@ TEST_CASE("Lorenz equations from points and times of cycles", "[apps][run][cycle
     REQUIRE(run.code == 0);
     const json result = read_json(out / "result.json");
     check_parameters(result);
-    CHECK(result["verdict"]["trust"] == "values");
+    CHECK(result["verdict"]["trust"] == "all");
     CHECK(result["errors"].contains("cycles.x"));
     CHECK(result["errors"].contains("cycles.time"));
     CHECK(!result["errors"].contains("cycles.z"));
@@ -73,6 +74,19 @@ TEST_CASE("Lorenz equations from points and times of cycles", "[apps][run][cycle
     CAPTURE(refused.error);
     CHECK(refused.code == 3);
     CHECK_THAT(refused.error, ContainsSubstring("its cycles are points of the section z = 27, rising"));
+}
+
+TEST_CASE("errors of the coordinate of a chosen plane are named as not used", "[apps][run][cycles]") {
+    const TemporaryFolder folder;
+    const Path out = folder.path() / "out";
+    json job = lorenz_job();
+    job["section"] = "auto";  // z, as the most even returns have it
+    job["estimate"]["residuals"][0]["errors"] = {{"z", {{"sd", 1.0}}}};
+    const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", out, "--quiet"});
+    CAPTURE(run.error, run.out);
+    REQUIRE(run.code == 0);
+    CHECK_THAT(read_json(out / "cycles.json")["remarks"].dump(),
+               ContainsSubstring("the errors given for z are not used"));
 }
 
 TEST_CASE("a residual of cycles in delays is refused", "[apps][cycles]") {

@@ -55,6 +55,11 @@ apps::CycleFile two_cycles() {
         cycle.quality = {"few neighbours"};
         cycle.time = 2.0 / 3.0 * period;
         cycle.time_sd = 1e-5 / 3.0;
+        if (period == 2) {
+            cycle.time_covariance = Eigen::VectorXd::Constant(4, -1e-11 / 3.0);
+            cycle.common.conservativeResize(7, Eigen::NoChange);  // the last row is that of the time
+            cycle.common.row(6).setConstant(1.0 / 3e6);
+        }
         cycle.code = std::string(static_cast<std::size_t>(period), 'A');
         file.search.cycles.push_back(cycle);
     }
@@ -115,6 +120,7 @@ TEST_CASE("cycles read back to the bit", "[apps]") {
         CHECK(is.quality == was.quality);
         CHECK(is.time == was.time);
         CHECK(is.time_sd == was.time_sd);
+        CHECK(is.time_covariance == was.time_covariance);
         CHECK(is.code == was.code);
     }
     CHECK(read.missing == file.search.missing);
@@ -175,6 +181,11 @@ TEST_CASE("what is wrong with a list of cycles is told by place and rule", "[app
         {"{\"cycles\": [" + good + ", \"covariance\": [[1, 0], [0, -1]]}]}", "/cycles/0/covariance", 1, "variance"},
         {"{\"cycles\": [" + good + ", \"covariance\": [[1, 1], [0, 1]]}]}", "/cycles/0/covariance", 1, "symmetric"},
         {"{\"cycles\": [" + good + ", \"covariance\": [[1]]}]}", "/cycles/0/covariance", 1, "must have 2"},
+        {"{\"cycles\": [" + good + ", \"time_covariance\": [0]}]}", "/cycles/0/time_covariance", 1, "must have 2"},
+        {"{\"cycles\": [" + good + ", \"time_covariance\": [0, null]}]}", "/cycles/0/time_covariance/1", 1, "number"},
+        {"{\"cycles\": [" + good + ", \"time_covariance\": 1}]}", "/cycles/0/time_covariance", 1, "2 numbers"},
+        {"{\"cycles\": [" + good + ", \"common_errors\": [[1], [1], [1], [1]]}]}", "/cycles/0/common_errors", 1,
+         "must have 2"},
         {"{\"cycles\": [" + good + ", \"rotation\": [1, 0]}]}", "/cycles/0/rotation", 1, "one per angle"},
         {"{\"cycles\": [" + good + ", \"mirror\": 1}]}", "/cycles/0/mirror", 1, "from 0 to 0"},
         {"{\"cycles\": [" + good + ", \"perod\": 1}]}", "/cycles/0/perod", 1, "did you mean \"period\""},
@@ -220,6 +231,9 @@ TEST_CASE("cycles of a wrong shape are not written", "[apps]") {
     CHECK_THROWS_WITH(apps::cycles_text(file), ContainsSubstring("cycle 1") && ContainsSubstring("(2, 3)"));
     file = two_cycles();
     file.search.cycles[0].covariance.resize(3, 3);
+    CHECK_THROWS_AS(apps::cycles_text(file), std::invalid_argument);
+    file = two_cycles();
+    file.search.cycles[1].time_covariance.resize(3);
     CHECK_THROWS_AS(apps::cycles_text(file), std::invalid_argument);
 }
 

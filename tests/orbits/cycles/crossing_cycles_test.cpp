@@ -3,6 +3,7 @@
 #include <fstream>
 #include <string>
 
+#include <Eigen/Cholesky>
 #include <nlohmann/json.hpp>
 
 #include "estimator/estimate/estimate.hpp"
@@ -104,6 +105,81 @@ TEST_CASE("crossing cycles: the table's at the truth, exact derivatives", "[orbi
                   1e-4 * at[b].e_theta.col(k).cwiseAbs().maxCoeff());
         }
     }
+}
+
+TEST_CASE("crossing cycles: points and times with errors that they share", "[orbits][cycles][autonomous]") {
+    const LorenzCase c;
+    constexpr double error = 1e-3;
+    auto cycles = table_cycles(c, error, 3);
+    tests::NormalNumbers normal(4);
+    const auto random = [&](Index rows, Index columns) {
+        return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return error * normal(); }));
+    };
+    Index records = 0;
+    for (orbits::Cycle& cycle : cycles) {
+        const Index points = cycle.points.size();
+        records += points + 2;
+        cycle.common = random(points + 2, 3);  // points, one multiplier, time
+        Eigen::MatrixXd linked(points + 1, 3);
+        linked << cycle.common.topRows(points), cycle.common.bottomRows(1);
+        const Eigen::MatrixXd own = random(points + 1, points + 1);
+        const Eigen::MatrixXd all = linked * linked.transpose() + own * own.transpose() +
+                                    error * error * Eigen::MatrixXd::Identity(points + 1, points + 1);
+        cycle.covariance = all.topLeftCorner(points, points);
+        cycle.time_covariance = all.topRightCorner(points, 1);
+        cycle.time_sd = std::sqrt(all(points, points));
+        cycle.ln_multiplier_covariance(0, 0) = cycle.common.row(points).squaredNorm() + error * error;
+    }
+    auto options = everything();
+    const orbits::CycleResidual residual(c.system, c.binding, cycles, c.plane, c.truth(), {}, options);
+    auto alone = cycles;
+    for (orbits::Cycle& cycle : alone)
+        cycle.common.resize(0, 0);
+    const orbits::CycleResidual plain(c.system, c.binding, alone, c.plane, c.truth(), {}, options);
+    // By blocks, which the estimator takes as independent, and all at once.
+    const auto minus_log_density = [](const VectorXd& e, const Eigen::MatrixXd& covariance) {
+        const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+        REQUIRE(factor.info() == Eigen::Success);
+        return 0.5 * factor.matrixL().solve(e).squaredNorm() +
+               Eigen::MatrixXd(factor.matrixL()).diagonal().array().log().sum();
+    };
+    const VectorXd theta = 1.0001 * c.truth();
+    const auto blocks = residual.evaluate(residual.initial_set(), theta, no_latents, false);
+    const auto values = plain.evaluate(plain.initial_set(), theta, no_latents, false);
+    double by_blocks = 0.0;
+    VectorXd e(records);
+    Eigen::MatrixXd common(records, 3), covariance = Eigen::MatrixXd::Zero(records, records);
+    Index first = 0;
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+        by_blocks += minus_log_density(blocks[b].e, residual.initial_set().layout[b].shape);
+        const orbits::Cycle& cycle = cycles[b];
+        const Index points = cycle.points.size(), own = points + 2;
+        REQUIRE(values[b].e.size() == own);
+        e.segment(first, own) = values[b].e;
+        common.middleRows(first, own) = cycle.common;
+        auto shape = covariance.block(first, first, own, own);
+        shape.topLeftCorner(points, points) = cycle.covariance;
+        shape.col(points + 1).head(points) = cycle.time_covariance;
+        shape.row(points + 1).head(points) = cycle.time_covariance.transpose();
+        shape(points + 1, points + 1) = cycle.time_sd * cycle.time_sd;
+        shape(points, points) = cycle.ln_multiplier_covariance(0, 0);
+        Eigen::MatrixXd known = cycle.common * cycle.common.transpose();
+        known.row(points).setZero();  // multipliers are linked by the common errors alone
+        known.col(points).setZero();
+        known(points, points) = cycle.common.row(points).squaredNorm();
+        shape -= known;
+        first += own;
+    }
+    covariance += common * common.transpose();
+    // Errors of computed orbits, 1e-8 of these, and rounding of matrices of condition 1e4.
+    CHECK(std::abs(by_blocks - minus_log_density(e, covariance)) < 1e-6 * std::abs(by_blocks));
+
+    cycles[0].time_covariance *= 1e3;
+    CHECK_THROWS_WITH(orbits::CycleResidual(c.system, c.binding, cycles, c.plane, c.truth(), {}, options),
+                      tests::ContainsSubstring("time_sd is too small beside time_covariance"));
+    cycles[0].time_covariance.resize(3);
+    CHECK_THROWS_WITH(orbits::CycleResidual(c.system, c.binding, cycles, c.plane, c.truth(), {}, options),
+                      tests::ContainsSubstring("has 3 numbers, the points 4 coordinates"));
 }
 
 TEST_CASE("crossing cycles: all three constants of Lorenz, in stages from far off", "[orbits][cycles][autonomous]") {

@@ -177,4 +177,26 @@ TEST_CASE("sections of senseless samples are refused", "[orbits][sampled]") {
     CHECK_THROWS_WITH(plane_section(series, {0, 0.0, 1}), ContainsSubstring("the series holds sections"));
 }
 
+TEST_CASE("a narrowed window misses a tenth", "[orbits][sections]") {
+    // What a polynomial of odd degree misses in the middle of its window grows as half width^(degree + 1).
+    using orbits::TimeWindow;
+    orbits::Segment wave;
+    wave.label = "0";
+    wave.times = Eigen::VectorXd::LinSpaced(4001, 0.0, 4.0);
+    wave.values = Eigen::MatrixXd((2.0 * wave.times.array()).sin().matrix().transpose());
+    for (const TimeWindow best : {TimeWindow{1, 100}, TimeWindow{3, 200}, TimeWindow{5, 300}, TimeWindow{7, 400}}) {
+        const TimeWindow narrow = narrowed(best);
+        CAPTURE(best.degree, narrow.half_width);
+        CHECK(narrow.degree == best.degree);
+        const auto missed = [&](const TimeWindow& window) {
+            return orbits::TimeSmoothing(wave, 0, false, 1e-3, window).at(2000, 0.0).value - wave.values(0, 2000);
+        };
+        // Whole samples: a part in 100 of a half width, times the degree and one; the next order, (0.4)^2 / 40.
+        CHECK_THAT(missed(narrow) / missed(best), tests::WithinAbs(0.1, 0.01));
+    }
+    // An interpolation stays one.
+    CHECK(orbits::narrowed({7, 4}).half_width == 4);
+    CHECK(orbits::narrowed({1, 1}).half_width == 1);
+}
+
 }  // namespace sampled_section_test
