@@ -111,9 +111,9 @@ struct VirtualExperiment {
 
 /// Half the range of random starts, shape (n): pi for angles, otherwise the largest absolute value that 16 trajectories
 /// reach. These start at random on the circle of every angle and in +- System::state_size() of every other coordinate.
-/// They run for 64 periods, or `duration` seconds when the system is not forced. Starts then cover the attractor without
-/// a guess of its size. Systems in which most states are meaningless (negative populations) need explicit starts. 1 for
-/// a coordinate that stays at 0.
+/// They run for 64 periods, or `duration` seconds when the system is not forced. Starts then cover the attractor
+/// without a guess of its size. Systems in which most states are meaningless (negative populations) need explicit
+/// starts. 1 for a coordinate that stays at 0.
 [[nodiscard]] Eigen::VectorXd typical_range(const models::System& system, const Eigen::VectorXd& theta, double phase,
                                             double duration, std::uint64_t seed, const models::FlowOptions& flow = {});
 
