@@ -97,7 +97,8 @@ TEST_CASE("what cycles of autonomous flows cannot be is refused", "[apps][job]")
     CHECK(tests::problems(of_cycles("")).empty());
     CHECK(tests::problems(of_cycles(R"(, "positions": false, "errors": { "time": { "sd": 2 } })")).empty());
     check_only(of_cycles(R"(, "positions": false, "times": false)"), at + "/positions: must be true");
-    check_only(of_cycles(R"(, "errors": { "z": { "sd": 0.1 } })"), at + "/errors/z: \"z\" has the value of the section");
+    check_only(of_cycles(R"(, "errors": { "z": { "sd": 0.1 } })"),
+               at + "/errors/z: \"z\" has the value of the section");
     check_only(of_cycles(R"(, "times": false, "errors": { "time": { "sd": 2 } })"),
                at + "/errors/time: needs \"times\": true");
     check_only(with(R"("orbits": { "partition": { "coordinate": "z", "boundaries": [0], "symbols": "AB" } })"),
