@@ -77,9 +77,10 @@ Decision Stopping::decide(const Standing& standing) {
         return {end, Outcome::interrupted, "interrupted after " + std::to_string(ledger_.iterations) + " steps"};
     if (exhausted(standing)) {
         if (standing.stages_left) return next_stage();
-        // Where rounding is the only error, sds are those of rounding: nothing else is left. Tight links, and long
-        // chaotic trajectories, make rounding large beside sds of readings that err.
-        if (standing.remaining < converged_sds || (within_rounding(standing) && standing.at_floor))
+        // Where rounding is the only error, sds are those of rounding: nothing else is left. Tight links make rounding
+        // large beside sds of readings that err.
+        const bool exact = standing.at_floor || !(set_.linked || set_.constraints > 0);
+        if (standing.remaining < converged_sds || (within_rounding(standing) && exact))
             return {end, Outcome::converged,
                     "no shorter step decreases the objective and the full step that is left is " + left +
                         (within_rounding(standing) ? ": the rounding of the residuals is reached" : "")};
