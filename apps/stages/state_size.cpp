@@ -41,7 +41,9 @@ double state_size(const Job& job, std::span<const Experiment> data) {
                 take(segment.values.row(static_cast<Eigen::Index>(i)).transpose(), largest);
         }
     }
-    return largest > 0.0 ? std::min(std::exp2(std::floor(std::log2(largest))), 1.0) : 1.0;
+    // Below the least readings that records may have a tolerance would vanish.
+    constexpr double least = 0x1p-400;
+    return largest > 0.0 ? std::clamp(std::exp2(std::floor(std::log2(largest))), least, 1.0) : 1.0;
 }
 
 }  // namespace orbid::apps

@@ -58,6 +58,8 @@ OUTCOMES = {
     "a parameter without anything": (job({"x": "0 * k * x", "v": "-v"}), (0, 1, 3), "k"),
     "beyond the squares": (job(OSCILLATOR, initial=(1e300, 0.5e300), noise=1e298), (3,), "between 1e-100 and 1e100"),
     "below the squares": (job(OSCILLATOR, initial=(1e-300, 0.5e-300), noise=1e-302), (3,), "between 1e-100 and 1e100"),
+    "denormals, and a coordinate that stays 0": (job(STILL, initial=(1e-310, 0.0), noise=None), (3,),
+                                                 "between 1e-100 and 1e100"),
     "a rate of 1e12": (job({"x": "-1e12 * k * (x - cos(v))", "v": "1"}), (3,), "stiff"),
     "the same, stiff": (job({"x": "-1e12 * k * (x - cos(v))", "v": "1"}, stiff=True), (0, 1), "k"),
 }
