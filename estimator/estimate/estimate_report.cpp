@@ -4,8 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include <boost/math/distributions/chi_squared.hpp>
-
 #include "estimator/estimate/reported_direction.hpp"
 #include "estimator/estimate/reported_interval.hpp"
 #include "estimator/interface/not_finite.hpp"
@@ -73,27 +71,6 @@ void fill_derived(const Problem& problem, const State& state, const Posterior& p
         fill_interval(problem, state, posterior, quantity, gradient, result);
         estimate.derived.push_back(std::move(result));
     }
-}
-
-/// s sqrt(nu / chi2_nu), nu = 1 / (2 sd(ln s)^2): exact for one scale of a linear model, where nu = n - q.
-void fill_interval(EstimatedScale& scale) {
-    const double relative = scale.uncertainty / scale.value;
-    const double degrees = 0.5 / (relative * relative);
-    if (!(relative > 0.0) || !std::isfinite(degrees)) return;
-    // Without promotion to long double, which costs three times as much for digits that no interval has.
-    using Policy = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
-    const boost::math::chi_squared_distribution<double, Policy> density(degrees);
-    // Over nu. Of very many the library's series does not end, and the cube of a normal number is right to 1 / nu
-    // (Wilson and Hilferty 1931).
-    const auto quantile = [&](double probability, double normal) {
-        constexpr double many = 1e9;
-        if (degrees < many) return boost::math::quantile(density, probability) / degrees;
-        const double part = 2.0 / (9.0 * degrees);
-        return std::pow(1.0 - part + normal * std::sqrt(part), 3);
-    };
-    scale.lower95 = scale.value / std::sqrt(quantile(0.975, normal_975));
-    scale.upper95 = scale.value / std::sqrt(quantile(0.025, -normal_975));
-    scale.interval_method = IntervalMethod::chi_squared;
 }
 
 /// Distribution, uncertainty and further error parameters of a channel.

@@ -4,8 +4,11 @@
 #include <cmath>
 #include <numbers>
 
+#include <boost/math/distributions/chi_squared.hpp>
+
 #include "estimator/interface/not_finite.hpp"
 #include "estimator/uncertainty/bounded_interval.hpp"
+#include "estimator/uncertainty/normality.hpp"
 
 namespace orbid::estimator {
 
@@ -113,6 +116,26 @@ void fill_interval(const Problem& problem, const State& state, const Posterior& 
     result.lower95 = lower;
     result.upper95 = upper;
     result.limit = along.limit;
+}
+
+void fill_interval(EstimatedScale& scale) {
+    const double relative = scale.uncertainty / scale.value;
+    const double degrees = 0.5 / (relative * relative);
+    if (!(relative > 0.0) || !std::isfinite(degrees)) return;
+    // Without promotion to long double, which costs three times as much for digits that no interval has.
+    using Policy = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
+    const boost::math::chi_squared_distribution<double, Policy> density(degrees);
+    // Over nu. Of very many the library's series does not end, and the cube of a normal number is right to 1 / nu
+    // (Wilson and Hilferty 1931).
+    const auto quantile = [&](double probability, double normal) {
+        constexpr double many = 1e9;
+        if (degrees < many) return boost::math::quantile(density, probability) / degrees;
+        const double part = 2.0 / (9.0 * degrees);
+        return std::pow(1.0 - part + normal * std::sqrt(part), 3);
+    };
+    scale.lower95 = scale.value / std::sqrt(quantile(0.975, normal_975));
+    scale.upper95 = scale.value / std::sqrt(quantile(0.025, -normal_975));
+    scale.interval_method = IntervalMethod::chi_squared;
 }
 
 }  // namespace orbid::estimator

@@ -24,4 +24,8 @@ void fill_interval(const Problem& problem, const State& state, const Minimum& mi
 void fill_interval(const Problem& problem, const State& state, const Posterior& posterior,
                    const DerivedQuantity& quantity, const Eigen::VectorXd& gradient, Estimated& result);
 
+/// Interval of 95 % of an error scale from its sd: s sqrt(nu / chi2_nu), nu = 1 / (2 sd(ln s)^2). Exact for one scale
+/// of a linear model, where nu = n - q. None without a finite nu.
+void fill_interval(EstimatedScale& scale);
+
 }  // namespace orbid::estimator
