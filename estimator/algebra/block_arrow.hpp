@@ -74,6 +74,13 @@ struct ReducedProblem {
     double rest = 0.0;    ///< ||.|| that no step can remove
     Spread spread;
     std::shared_ptr<const PartJoins> joins;  ///< of the chains that are spread over ranks
+
+    /// Frees all that has a part for every block; what the parameters need stays.
+    void drop_blocks() {
+        top = {};
+        chains.clear();
+        joins.reset();
+    }
 };
 
 /// Factorises one block's rows [A_z | A | w] (any number of rows). `link` and `next` are set by the caller afterwards.

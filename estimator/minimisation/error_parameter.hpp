@@ -52,9 +52,7 @@ struct ErrorPoint {
     /// Frees all that has a part for every block.
     void drop_factors() {
         standard = {};
-        reduced_problem.top.clear();
-        reduced_problem.chains.clear();
-        reduced_problem.joins.reset();
+        reduced_problem.drop_blocks();
     }
 };
 

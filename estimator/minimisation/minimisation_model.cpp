@@ -27,9 +27,7 @@ double Minimisation::misfit() const {
 void Minimisation::drop_factors() {
     full_.reset();
     standard_ = {};
-    reduced_.top.clear();
-    reduced_.chains.clear();
-    reduced_.joins.reset();
+    reduced_.drop_blocks();
 }
 
 void Minimisation::factorise_errors() {
