@@ -37,6 +37,20 @@ double number_or_nan(const ValueReader& value) {
     return value.is(JsonValue::Kind::null) ? std::numeric_limits<double>::quiet_NaN() : value.number().value_or(0.0);
 }
 
+/// Shape (size), nan for null; empty after a problem was reported.
+Eigen::VectorXd numbers(const ValueReader& value, Eigen::Index size) {
+    const auto items = value.items();
+    if (std::ssize(items) != size) {
+        if (value.is(JsonValue::Kind::array))
+            value.report(fmt::format("has {} numbers, must have {}", items.size(), size));
+        return {};
+    }
+    Eigen::VectorXd out(size);
+    for (Eigen::Index i = 0; i < size; ++i)
+        out[i] = number_or_nan(items[static_cast<std::size_t>(i)]);
+    return out;
+}
+
 /// Shape (rows, columns) from a list of rows; empty after a problem was reported.
 Eigen::MatrixXd matrix(const ValueReader& value, Eigen::Index rows, Eigen::Index columns) {
     if (!value.is(JsonValue::Kind::array)) {
@@ -50,33 +64,10 @@ Eigen::MatrixXd matrix(const ValueReader& value, Eigen::Index rows, Eigen::Index
     }
     Eigen::MatrixXd out(rows, columns);
     for (Eigen::Index i = 0; i < rows; ++i) {
-        const ValueReader& line = lines[static_cast<std::size_t>(i)];
-        const auto cells = line.items();
-        if (static_cast<Eigen::Index>(cells.size()) != columns) {
-            if (line.is(JsonValue::Kind::array))
-                line.report(fmt::format("has {} numbers, must have {}", cells.size(), columns));
-            return {};
-        }
-        for (Eigen::Index j = 0; j < columns; ++j)
-            out(i, j) = number_or_nan(cells[static_cast<std::size_t>(j)]);
+        const Eigen::VectorXd line = numbers(lines[static_cast<std::size_t>(i)], columns);
+        if (line.size() != columns) return {};
+        out.row(i) = line.transpose();
     }
-    return out;
-}
-
-/// Finite numbers, shape (size); empty after a problem was reported.
-Eigen::VectorXd numbers(const ValueReader& value, Eigen::Index size) {
-    if (!value.is(JsonValue::Kind::array)) {
-        value.report_kind(fmt::format("a list of {} numbers", size));
-        return {};
-    }
-    const auto items = value.items();
-    if (std::ssize(items) != size) {
-        value.report(fmt::format("has {} numbers, must have {}", items.size(), size));
-        return {};
-    }
-    Eigen::VectorXd out(size);
-    for (Eigen::Index i = 0; i < size; ++i)
-        out[i] = items[static_cast<std::size_t>(i)].number().value_or(0.0);
     return out;
 }
 
@@ -200,8 +191,10 @@ orbits::Cycle read_cycle(const ValueReader& value, const std::vector<orbits::Ser
     if (const auto quality = given(object, "quality")) cycle.quality = texts(*quality);
     if (const auto time = given(object, "time")) cycle.time = number_or_nan(*time);
     if (const auto sd = given(object, "time_sd")) cycle.time_sd = number_or_nan(*sd);
-    if (const auto covariance = given(object, "time_covariance"); covariance && cycle.points.size() > 0)
+    if (const auto covariance = given(object, "time_covariance"); covariance && cycle.points.size() > 0) {
         cycle.time_covariance = numbers(*covariance, cycle.points.size());
+        if (!cycle.time_covariance.allFinite()) covariance->report("holds null, must hold numbers");
+    }
     if (const auto code = given(object, "code")) cycle.code = code->text().value_or("");
     // These belong to computed orbits. One that did not converge is no cycle.
     if (const auto status = given(object, "status")) converged = status->text().value_or("") == "converged";

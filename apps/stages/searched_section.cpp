@@ -93,8 +93,8 @@ void leave_out_errors(const Job& job, const std::string& name, SearchedSection& 
         if (std::find(one.coordinates.begin(), one.coordinates.end(), plane) != one.coordinates.end())
             throw orbits::DataError(
                 fmt::format("the data choose a plane across {}, which is in a \"covariance\" of the errors of cycles "
-                            "but has one value "
-                            "at all points of the plane; leave it out there, or give the job's \"section\"",
+                            "but has one value at all points of the plane; leave it out there, or give the job's "
+                            "\"section\"",
                             name));
     for (const ErrorJob& error : cycles.errors) {
         const bool usual = error.scale.estimate && !(error.scale.value > 0.0) && error.floor == 0.0 &&

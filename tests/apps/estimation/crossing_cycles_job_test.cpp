@@ -89,6 +89,18 @@ TEST_CASE("errors of the coordinate of a chosen plane are named as not used", "[
                ContainsSubstring("the errors given for z are not used"));
 }
 
+TEST_CASE("a covariance of errors with the coordinate of a chosen plane is refused", "[apps][run][cycles]") {
+    const TemporaryFolder folder;
+    json job = lorenz_job();
+    job["section"] = "auto";
+    job["estimate"]["residuals"][0]["weights"] = "equal";
+    job["estimate"]["residuals"][0]["errors"] = {{"covariance", {{"of", {"x", "z"}}}}};
+    const Path file = write_job(folder.path() / "job.json", job);
+    const Outcome run = orbid_with({"run", file, "--out", folder.path() / "out", "--quiet"});
+    CHECK(run.code == 3);
+    CHECK_THAT(run.error, ContainsSubstring("the data choose a plane across z, which is in a \"covariance\""));
+}
+
 TEST_CASE("a residual of cycles in delays is refused", "[apps][cycles]") {
     json job = lorenz_job();
     job["data"]["observe"] = {"x"};
