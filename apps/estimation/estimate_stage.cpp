@@ -228,6 +228,7 @@ public:
         context.cycles_share_errors = best.residuals.cycles && problem_.measured.shares_unknown_errors(search.cycles);
         const std::vector<ResidualRow> rows = describe_records(work_, problem_, setup_, search, best, context);
         context.unexplained = unexplained_spread(rows);
+        context.whole_segments = !best.residuals.series.empty();
         work_.folder.store("residuals.csv", residuals_text(rows, asking_));
         if (best.is_evaluated()) {
             const auto all = best.residuals.all();

@@ -77,7 +77,8 @@ struct ResultContext {
     identification::StructuralReport structure;
     /// See unexplained_spread(); of the records that the estimate uses.
     std::vector<std::pair<std::string, double>> unexplained;
-    Fingerprint fingerprint;  ///< left out of the file when its hash is empty
+    bool whole_segments = false;  ///< a series is followed over whole segments
+    Fingerprint fingerprint;      ///< left out of the file when its hash is empty
 };
 
 /// (value - reference) / reference; nan without a reference or with reference 0.

@@ -177,12 +177,15 @@ void judge_scales(const estimator::Estimate& estimate, const ResultContext& cont
         reasons.values.push_back(fmt::format("{:.0f} readings leave {:.3g} degrees of freedom; measure more", records,
                                              estimate.degrees_of_freedom));
     const bool correlated = std::any_of(estimate.scales.begin(), estimate.scales.end(), follows_itself);
+    std::vector<std::string> unexplained;
     for (const auto& [coordinate, share] : context.unexplained)
         if (correlated && share > unexplained_share)
-            reasons.none.push_back(
-                fmt::format("the model leaves {:.0f} % of the spread of {} unexplained; a false "
-                            "minimum or a wrong model: start elsewhere",
-                            100.0 * share, coordinate));
+            unexplained.push_back(fmt::format("{:.0f} % of the spread of {}", 100.0 * share, coordinate));
+    if (!unexplained.empty())
+        reasons.none.push_back(fmt::format(
+            "the model leaves {} unexplained; a false minimum or a wrong model: start elsewhere{}",
+            fmt::join(unexplained, ", "),
+            context.whole_segments ? ", or follow the series in short pieces (\"interval\": \"auto\")" : ""));
     for (const auto& group : context.posterior.diagnostics) {
         const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
                                         [&](const auto& one) { return one.group == group.group; });

@@ -37,6 +37,9 @@ struct SeriesChoice {
     static constexpr std::size_t automatic_interval = 0;  ///< chosen by how errors grow
     /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment (single shooting).
     std::optional<std::size_t> interval;
+    /// Without an interval: `automatic_interval` where errors of the first state grow too much along a segment
+    /// (identification/starts/error_growth.hpp).
+    bool unless_errors_grow = false;
     Matching matching;                 ///< ignored without an interval
     std::vector<std::size_t> data;     ///< indices of experiments
     std::vector<RecordErrors> errors;  ///< one per coordinate observed in any of them, ascending

@@ -10,6 +10,7 @@
 #include "identification/comparison/model_comparison.hpp"
 #include "identification/stages/strategy_run.hpp"
 #include "identification/starts/derivative_self_check.hpp"
+#include "identification/starts/error_growth.hpp"
 #include "identification/structure/structural_check.hpp"
 
 namespace orbid::identification {
@@ -77,6 +78,7 @@ void add_held(const StructuralReport& structure, std::string& message) {
 IdentificationResult identify(const IdentificationProblem& asked, const Options& given, Observer& observer) {
     validate(given);
     IdentificationProblem problem = completed(asked);
+    const std::string divided = divide_where_errors_grow(problem);
     Options options = given;
     if (options.strategy.empty()) options.strategy = automatic_strategy(problem);
     check_strategy(problem, options.strategy);
@@ -84,6 +86,7 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     if (options.strategy.size() <= 1) observer.begin("estimate", 0.0, {});
     ProblemResiduals prepared;
     observer.within("first solutions");
+    if (!divided.empty()) observer.remark(divided);
     add_series(problem, setup, prepared);
     // A later stage of waveforms begins where the one before it ends.
     if (options.strategy.front().uses(ResidualType::waveform))

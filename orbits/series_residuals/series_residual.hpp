@@ -138,6 +138,8 @@ public:
         Eigen::Index sample = 0;      ///< column of the segment
     };
     [[nodiscard]] const std::vector<Record>& records(std::size_t block) const { return blocks_[block].records; }
+    /// What each record compares with: a reading, or the mean of a prior.
+    [[nodiscard]] const Eigen::VectorXd& readings(std::size_t block) const { return blocks_[block].observed; }
     [[nodiscard]] std::size_t segment(std::size_t block) const { return blocks_[block].segment; }
     [[nodiscard]] const Series& series() const { return series_; }
     [[nodiscard]] const models::System& system() const { return *system_; }

@@ -57,7 +57,7 @@ void read_interval(const ValueReader& value, const Job&, SeriesResidualJob& seri
 }
 
 Json interval_document(const SeriesResidualJob& series, const Writing&) {
-    if (!series.interval) return "segment";
+    if (!series.interval) return series.unless_errors_grow ? left_out() : Json("segment");
     return *series.interval == SeriesResidualJob::automatic_interval ? Json("auto") : Json(*series.interval);
 }
 
@@ -72,18 +72,24 @@ bool is_plain_start(const InitialValueJob& initial) {
     return initial.estimate && !initial.is_parameter() && std::holds_alternative<estimator::FlatPrior>(initial.prior);
 }
 
+/// Whether nothing is said of where the segments of an experiment begin but where a search may begin.
+bool has_free_nodes(const DataJob& data) {
+    const auto& initial = data.initial_state;
+    if (data.sensor.type == models::Sensor::Type::function)
+        return std::all_of(initial.begin(), initial.end(), is_plain_start);
+    return std::none_of(initial.begin(), initial.end(), says_more);
+}
+
 /// What single shooting alone can have.
 void check_nodes(const ValueReader& at, const Job& job, const SeriesResidualJob& series) {
     for (const std::size_t index : series.data) {
         const DataJob& data = job.data[index];
-        const auto& initial = data.initial_state;
-        const bool followed = data.sensor.type == models::Sensor::Type::function;
-        if (followed && std::all_of(initial.begin(), initial.end(), is_plain_start)) continue;
-        if (std::any_of(initial.begin(), initial.end(), says_more))
-            at.report(
-                fmt::format("\"initial_state\" of \"{}\" goes with \"interval\": \"segment\": every node is a "
-                            "free state{}",
-                            data.name, followed ? ", and only \"start\" helps to find the first" : ""));
+        if (has_free_nodes(data)) continue;
+        at.report(fmt::format(
+            "\"initial_state\" of \"{}\" goes with \"interval\": \"segment\": every node is a "
+            "free state{}",
+            data.name,
+            data.sensor.type == models::Sensor::Type::function ? ", and only \"start\" helps to find the first" : ""));
     }
 }
 
@@ -104,22 +110,35 @@ void complete_shooting(ObjectReader& object, const Job& job, bool staged, Series
         object.find("matching")
             ->report("nothing is matched where the flow runs over whole segments: use \"interval\": \"auto\"");
     if (whole_segments) {
-        series.matching.kind = MatchingJob::Kind::exact;
+        series.unless_errors_grow = !interval;
         return;
     }
     if (!series.interval) series.interval = SeriesResidualJob::automatic_interval;
     check_nodes(interval.value_or(object.self()), job, series);
 }
 
-/// Errors that link readings of different intervals, or of several coordinates, are those of whole segments.
-void check_short_intervals(const ValueReader& at, const SeriesResidualJob& series) {
-    const bool lasting = std::any_of(series.errors.begin(), series.errors.end(), [](const ErrorJob& error) {
+/// Errors that last over many intervals.
+bool has_lasting_errors(const SeriesResidualJob& series) {
+    return std::any_of(series.errors.begin(), series.errors.end(), [](const ErrorJob& error) {
         return std::holds_alternative<estimator::AutoregressiveErrors>(error.distribution);
     });
-    if (lasting) at.report("errors \"ar1\" last over many intervals: use \"interval\": \"segment\"");
+}
+
+/// Errors that link readings of different intervals, or of several coordinates, are those of whole segments.
+void check_short_intervals(const ValueReader& at, const SeriesResidualJob& series) {
+    if (has_lasting_errors(series)) at.report("errors \"ar1\" last over many intervals: use \"interval\": \"segment\"");
     if (!series.covariances.empty())
         at.report(fmt::format("a full covariance with nodes within a segment: {}; use \"interval\": \"segment\"",
                               not_in_this_version));
+}
+
+/// Whether a series over whole segments could have nodes as it is.
+bool can_have_nodes(const Job& job, const SeriesResidualJob& series) {
+    return !has_lasting_errors(series) && series.covariances.empty() &&
+           std::all_of(series.data.begin(), series.data.end(), [&](std::size_t index) {
+               return has_free_nodes(job.data[index]) &&
+                      job.data[index].sensor.type != models::Sensor::Type::angle_difference;
+           });
 }
 
 }  // namespace
@@ -134,7 +153,9 @@ const FieldTable<SeriesResidualJob>& series_fields() {
         FieldTable<Series> fields{
             experiments_field<Series>(),
             Field<Series>{key("interval", choice({"auto", "segment"}) | whole(1, longest_interval),
-                              "Samples or sections from node to node; \"segment\": one initial state per segment."),
+                              "Samples or sections from node to node; \"segment\": one initial state per segment, the "
+                              "default for samples "
+                              "unless errors grow along them."),
                           read_interval, interval_document}
                 .written_after("matching"),
             {key("matching", matching, "How well the end of one interval meets the beginning of the next.")
@@ -173,7 +194,12 @@ void complete_series(ObjectReader& object, const Job& job, bool staged, SeriesRe
         use.add_coordinates(coordinates);
     }
     read_errors(object, use, job, series.errors, series.covariances);
-    if (series.interval) check_short_intervals(object.self(), series);
+    if (series.interval) {
+        check_short_intervals(object.self(), series);
+        return;
+    }
+    series.unless_errors_grow = series.unless_errors_grow && can_have_nodes(job, series);
+    if (!series.unless_errors_grow) series.matching.kind = MatchingJob::Kind::exact;
 }
 
 }  // namespace orbid::apps::describe

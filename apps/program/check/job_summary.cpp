@@ -95,7 +95,9 @@ std::string series_line(const Job& job) {
     for (const std::size_t index : series.data)
         names.push_back(job.data[index].name);
     std::string text = fmt::format("  series     {}: ", fmt::join(names, ", "));
-    if (!series.interval) return text + "one trajectory per segment\n";
+    if (!series.interval)
+        return text + fmt::format("one trajectory per segment{}\n",
+                                  series.unless_errors_grow ? ", nodes where errors grow along it" : "");
     text += *series.interval == SeriesResidualJob::automatic_interval
                 ? "nodes as far apart as errors allow"
                 : fmt::format("a node every {} points", *series.interval);

@@ -128,4 +128,43 @@ TEST_CASE("several experiments share parameters and keep some for themselves", "
           orbid::apps::read_whole_file(folder.path() / "again" / "result.json"));
 }
 
+TEST_CASE("a chaotic record without a word on its intervals is followed from node to node", "[apps][run]") {
+    const TemporaryFolder folder;
+    json job = json::parse(R"({
+      "model": { "name": "lorenz" }, "seed": 1,
+      "data": { "name": "run", "simulate": { "samples": { "step": 0.05, "count": 400 }, "initial": [[1, 1, 20]],
+                "transient": 100, "noise": { "x": 1, "y": 1, "z": 1 } } },
+      "estimate": { "parameters": { "sigma": { "start": 11 }, "rho": { "start": 26 }, "beta": { "start": 2.9 } },
+                    "residuals": [ { "type": "series" } ] },
+      "reference": { "sigma": 10, "rho": 28, "beta": 2.6666666666666665 },
+      "output": { "series": "none" } })");
+    const Path out = folder.path() / "out";
+    const Outcome run = orbid_with({"run", write_job(folder.path() / "job.json", job), "--out", out});
+    CAPTURE(run.error, run.out);
+    REQUIRE(run.code == 0);
+    CHECK_THAT(run.out + run.error, ContainsSubstring("times along a segment"));
+    const json result = read_json(out / "result.json");
+    CHECK(result["status"] == "converged");
+    CHECK(result["errors"].contains("series.matching.x"));
+    for (const auto& [name, parameter] : result["parameters"].items()) {
+        CAPTURE(name, parameter.dump());
+        const double off = parameter["value"].get<double>() - parameter["reference"].get<double>();
+        CHECK(std::abs(off) < 4.0 * parameter["sd"].get<double>());
+    }
+    // The stored job says no more than the one that was given.
+    CHECK(!read_json(out / "job.json")["estimate"]["residuals"][0].contains("interval"));
+
+    // A known first state belongs to one course over the whole segment, and so do errors that last.
+    job["data"]["initial_state"] = {{"x", {{"value", 1.0}}}};
+    const Outcome check = orbid_with({"check", write_job(folder.path() / "known.json", job)});
+    CHECK_THAT(check.out, ContainsSubstring("one trajectory per segment\n"));
+    job["data"].erase("initial_state");
+    job["estimate"]["residuals"][0]["errors"] = {{"x", {{"distribution", "ar1"}}}};
+    const Outcome lasting = orbid_with({"check", write_job(folder.path() / "lasting.json", job)});
+    CHECK_THAT(lasting.out, ContainsSubstring("one trajectory per segment\n"));
+    job["estimate"]["residuals"][0].erase("errors");
+    const Outcome free = orbid_with({"check", write_job(folder.path() / "free.json", job)});
+    CHECK_THAT(free.out, ContainsSubstring("one trajectory per segment, nodes where errors grow along it"));
+}
+
 }  // namespace series_run_test

@@ -94,7 +94,7 @@ MADE = {
     "another good fit": ("all", "", job(DECAY, {"k": {"start": 1.0}}, readings(decay, 60, 0.1, 0.01))),
     "a wrong model": ("values", "follow each other",
                       job(OSCILLATOR, OSC, readings(lambda t: swing(t, chirp=0.005), 200, 0.1, 0.02))),
-    "a false minimum": ("none", "spread of x unexplained", chaos()),
+    "a false minimum": ("none", 'spread of x unexplained.*"interval": "auto"', chaos()),
     "an outlier": ("values", r"a reading of series\.x lies", outlier()),
     "too few readings": ("values", "degrees of freedom", job(DECAY, {"k": {}}, readings(decay, 6, 0.5, 0.01))),
     "a bound": ("values", "c lies at its lower bound",

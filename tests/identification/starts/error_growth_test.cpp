@@ -1,0 +1,107 @@
+// Growth of errors along a segment, against the closed form of linear equations; series that get nodes by it.
+#include "identification/starts/error_growth.hpp"
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "identification/problem/problem_residuals.hpp"
+#include "identification/strategy/identify.hpp"
+#include "models/equations/equation_text.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
+#include "tests/catch.hpp"
+
+namespace error_growth_test {
+
+using namespace orbid;
+using namespace orbid::tests;
+using identification::IdentificationProblem;
+
+namespace {
+
+constexpr double step = 0.05;
+constexpr std::size_t count = 200;
+
+/// x' of one coordinate with a parameter "a".
+std::shared_ptr<const models::System> system_of(const std::string& rate, double a) {
+    models::EquationText text;
+    text.coordinates.push_back({"x", rate});
+    text.parameters.push_back({"a", "1", models::any_real, a});
+    std::vector<models::EquationProblem> problems;
+    auto system = models::system_from_text(text, problems);
+    REQUIRE(problems.empty());
+    return system;
+}
+
+/// Exact readings of all coordinates at the system's own parameters, from `first`.
+orbits::Series record_of(const models::System& system, const std::vector<double>& first, std::size_t readings = count) {
+    orbits::VirtualExperimentOptions options;
+    options.plan = orbits::SamplePlan{step, readings, 0};
+    options.initial = Eigen::Map<const Eigen::VectorXd>(first.data(), std::ssize(first));
+    return orbits::simulate(system, system.default_parameters(), options).series;
+}
+
+/// Over whole segments unless errors grow.
+IdentificationProblem problem_of(std::shared_ptr<const models::System> system, orbits::Series series,
+                                 const std::vector<std::string>& free) {
+    IdentificationProblem problem;
+    problem.system = std::move(system);
+    problem.experiments.emplace_back();
+    problem.experiments[0].series = std::make_shared<const orbits::Series>(std::move(series));
+    for (const std::string& name : free) {
+        const auto index = problem.system->parameter_index(name);
+        problem.parameters.push_back(
+            identification::free_parameter(*problem.system, name, problem.system->default_parameters()[index]));
+    }
+    problem.series.emplace();
+    problem.series->unless_errors_grow = true;
+    return identification::completed(problem);
+}
+
+double growth_of(const IdentificationProblem& problem) {
+    auto setup = identification::estimate_setup(problem, identification::fitted_labels(problem));
+    identification::ProblemResiduals residuals;
+    add_series(problem, setup, residuals);
+    return identification::error_growth(*residuals.series.at(0), setup.start());
+}
+
+}  // namespace
+
+TEST_CASE("growth of errors along a segment is that of the linear equations", "[identification][series]") {
+    // At rest on an unstable state: errors grow by exp(a t), from the end of the first tenth to that of the last.
+    const double a = 0.7;
+    const double expected = std::exp(a * step * static_cast<double>(count - count / 10));
+    const auto unstable = system_of("a * (x - 1)", a);
+    const IdentificationProblem problem = problem_of(unstable, record_of(*unstable, {1.0}), {"a"});
+    CHECK_THAT(growth_of(problem), WithinRel(expected, 1e-6));
+
+    // The record grows as its errors do: nothing grows in its size. Twenty readings are needed.
+    const auto growing = system_of("a * x", a);
+    const IdentificationProblem same = problem_of(growing, record_of(*growing, {1.0}), {"a"});
+    CHECK(growth_of(same) < 2.0);
+    const IdentificationProblem few = problem_of(unstable, record_of(*unstable, {1.0}, 19), {"a"});
+    CHECK(growth_of(few) == 0.0);
+
+    // Errors that die out.
+    const auto stable = system_of("a * (x - 1)", -a);
+    CHECK(growth_of(problem_of(stable, record_of(*stable, {1.5}), {"a"})) < 1.0);
+}
+
+TEST_CASE("a series whose errors grow a thousandfold gets nodes where it asks for them", "[identification][series]") {
+    struct Row {
+        double a;
+        bool asks, divided;
+    };
+    // exp(9 a): a thousandfold at a = 0.7675.
+    const Row row = GENERATE(Row{0.75, true, false}, Row{0.78, true, true}, Row{0.78, false, false});
+    CAPTURE(row.a, row.asks);
+    const auto system = system_of("a * (x - 1)", row.a);
+    IdentificationProblem problem = problem_of(system, record_of(*system, {1.0}), {"a"});
+    problem.series->unless_errors_grow = row.asks;
+    const std::string found = identification::divide_where_errors_grow(problem);
+    CHECK(problem.series->interval.has_value() == row.divided);
+    CHECK(found.empty() == !row.divided);
+    if (row.divided) CHECK_THAT(found, ContainsSubstring("grow 1e+03 times along a segment"));
+}
+
+}  // namespace error_growth_test
