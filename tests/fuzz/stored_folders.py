@@ -27,7 +27,7 @@ def jobs(folder):
     branch = {"parameter": "a", "range": [0.2, 0.5]}
     return {
         "swing": {"model": PENDULUM, "seed": 1, "output": {"series": "csv"},
-                  "data": {"name": "swing", "simulate": {"samples": {"step": 0.05, "count": 80}, "initial": [[1.0, 0.0]],
+                  "data": {"name": "swing", "simulate": {"samples": {"step": 0.05, "count": 40}, "initial": [[1.0, 0.0]],
                                                          "noise": {"phi": 1e-3, "phi_dot": 1e-3}}}},
         "cycles": {"title": "cycles", "model": HENON, "seed": 1, "data": section,
                    "orbits": {"periods": [1, 2, 4]}, "periodic": {"orbits": [{"period": 1, "points": [[0.6, 0.2]]}]},
@@ -36,7 +36,7 @@ def jobs(folder):
         "series": {"title": "series", "model": PENDULUM, "seed": 1, "data": swing,
                    "estimate": {"parameters": {"w0sq": {"start": 9.5}, "c1": {"start": 0.1}},
                                 "residuals": [{"type": "series"}], "profile": True,
-                                "posterior": {"sample": {"draws": 60, "chains": 2, "warm_up": 60}}},
+                                "posterior": {"sample": {"draws": 20, "chains": 2, "warm_up": 20}}},
                    "output": {"series": "none"}},
         "branch": {"title": "branch", "model": {"name": "henon", "parameters": {"a": 0.3, "b": 0.3}},
                    "periodic": {"orbits": [{"period": 1, "points": [[0.8, 0.2]]}], "continuation": branch}},
