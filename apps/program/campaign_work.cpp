@@ -17,7 +17,16 @@ namespace {
 
 /// Keeps what is whole of a damaged journal; the rest waits again.
 void recover(const std::filesystem::path& file, const JournalDamaged& damage, std::ostream& messages) {
-    const RecoveredJournal found = Journal::recover(file);
+    RecoveredJournal found;
+    try {
+        found = Journal::recover(file);
+    } catch (const JournalError& error) {
+        // SQLite says nothing of some failures of the disk: then it only seems to be damaged.
+        throw JournalError(
+            fmt::format("{}; {}. Nothing was changed: try again if the disk could not be read just now, "
+                        "or begin the campaign in another folder",
+                        damage.what(), error.what()));
+    }
     messages << fmt::format(
         "{}\n{} of {} tasks are whole, the others wait again ({} had ended); the damaged file is kept as {}\n",
         damage.what(), found.ended, found.tasks, found.lost_outcomes, found.damaged.string());

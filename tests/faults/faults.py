@@ -34,7 +34,7 @@ TIMED = ("timing.json", "log.txt", "report.html", "checkpoint.bin")
 ON_THE_WAY = (*TIMED, "result.json")
 CODES = {"memory": (5,), "mmap": (3, 4, 5)}
 SQLITE_SAYS = ("disk I/O error", "database or disk is full", "unable to open database file", "locking protocol",
-               "attempt to write a readonly database")
+               "attempt to write a readonly database", "if the disk could not be read just now")
 FILE = re.compile(r"/|\.\w")  # something that looks like the name of a file
 # Memory ran out where nothing could be unwound: as after a kill, the next run removes what is left.
 ENDED_AT_ONCE = "what was stored before is whole"
