@@ -38,7 +38,7 @@ struct SeriesChoice {
     /// Sampling intervals (sections) from node to node. Nothing: one free initial state per segment (single shooting).
     std::optional<std::size_t> interval;
     /// Without an interval: `automatic_interval` where errors of the first state grow too much along a segment
-    /// (identification/starts/error_growth.hpp).
+    /// (identification/starts/whole_segments.hpp).
     bool unless_errors_grow = false;
     Matching matching;                 ///< ignored without an interval
     std::vector<std::size_t> data;     ///< indices of experiments

@@ -118,8 +118,11 @@ private:
             again.result.iterations = again.result.evaluations = 0;
             return again;
         }
+        // Kept apart from the same stage over whole segments, which may have run before.
+        const auto& series = input_.problem.series;
+        const bool divided = series && series->unless_errors_grow && series->interval;
         return run_stage(input_, stage, current_, strategy_.best ? &*strategy_.best : nullptr,
-                         fmt::format("stage {}", strategy_.stages.size()));
+                         fmt::format("stage {}{}", strategy_.stages.size(), divided ? " with nodes" : ""));
     }
 
     void take(StageRun one, std::size_t place) {

@@ -1,6 +1,7 @@
 #include "identification/strategy/identify.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -8,9 +9,10 @@
 
 #include "identification/comparison/matching_check.hpp"
 #include "identification/comparison/model_comparison.hpp"
+#include "identification/stages/series_doubt.hpp"
 #include "identification/stages/strategy_run.hpp"
 #include "identification/starts/derivative_self_check.hpp"
-#include "identification/starts/error_growth.hpp"
+#include "identification/starts/whole_segments.hpp"
 #include "identification/structure/structural_check.hpp"
 
 namespace orbid::identification {
@@ -73,73 +75,130 @@ void add_held(const StructuralReport& structure, std::string& message) {
             fmt::format("{}{} was held at its start: {}", message.empty() ? "" : "; ", direction.held, direction.text);
 }
 
+/// The stages of one problem, and what follows their best.
+class Identification {
+public:
+    Identification(IdentificationProblem problem, const Options& given, Observer& observer)
+        : problem_(std::move(problem)), options_(given), observer_(observer) {
+        if (options_.strategy.empty()) options_.strategy = automatic_strategy(problem_);
+        check_strategy(problem_, options_.strategy);
+        setup_ = estimate_setup(problem_, fitted_labels(problem_));
+    }
+    Identification(const Identification&) = delete;
+    Identification& operator=(const Identification&) = delete;
+
+    /// All stages.
+    void run() {
+        prepare();
+        strategy_ = run_strategy(*input_, options_.strategy, setup_.parameters, [&](const StrategyRun& run) {
+            take(run);
+            observer_.stage_ended(result_);
+        });
+    }
+
+    /// Comparisons of the best stage. @return everything; nothing else can be asked then
+    [[nodiscard]] IdentificationResult finish() {
+        take(strategy_);
+        if (!strategy_.best || strategy_.best->residuals.all().empty()) {
+            observer_.end(result_.estimate.message);
+            return std::move(result_);
+        }
+        const auto best = std::make_shared<const StageRun>(std::move(*strategy_.best));
+        result_.best = best;
+        observer_.estimated(result_);
+        // What an estimate has for every block is not held twice beside another estimate.
+        drop_blocks(result_.estimate);
+        criticise_result(*input_, *best, result_);
+        take_blocks(best->estimate, result_.estimate);
+        return std::move(result_);
+    }
+
+    [[nodiscard]] const IdentificationProblem& problem() const { return problem_; }
+    [[nodiscard]] const Options& options() const { return options_; }
+    [[nodiscard]] const StrategyRun& strategy() const { return strategy_; }
+
+private:
+    void prepare() {
+        if (options_.strategy.size() <= 1) observer_.begin("estimate", 0.0, {});
+        observer_.within("first solutions");
+        add_series(problem_, setup_, prepared_);
+        // A later stage of waveforms begins where the one before it ends.
+        if (options_.strategy.front().uses(ResidualType::waveform))
+            for (const std::string& line : add_waveform(problem_, setup_, setup_.start(), prepared_.waveform))
+                observer_.remark(line);
+        for (const std::string& lost : add_branch(problem_, setup_, setup_.start(), prepared_.branch))
+            observer_.remark(lost);
+        const models::ParameterBinding& cycle_binding = searched_binding(problem_, setup_);
+        if (const auto flow = first_flow(problem_, setup_, prepared_, cycle_binding, options_.seed))
+            observer_.detail(compare_derivatives(*flow));
+        result_.structure = examined_structure(problem_, setup_, observer_);
+        observer_.within({});
+        input_.emplace(StageInput{problem_,
+                                  options_,
+                                  observer_,
+                                  setup_,
+                                  cycle_binding,
+                                  prepared_,
+                                  estimate_options(problem_, options_, observer_),
+                                  problem_.measured.search,
+                                  &starts_,
+                                  {},
+                                  true});
+        input_->signs = result_.structure.signs;
+        if (problem_.measured.find) input_->find_cycles = [this] { find_cycles(problem_.measured, *input_); };
+    }
+
+    void take(const StrategyRun& run) {
+        result_.stages = run.stages;
+        result_.estimate = strategy_estimate(run, observer_.stopped());
+        add_held(result_.structure, result_.estimate.message);
+        result_.optima = starts_.optima;
+        result_.runs = starts_.runs;
+        result_.cycles = input_->search.cycles;
+    }
+
+    IdentificationProblem problem_;
+    Options options_;
+    Observer& observer_;
+    EstimateSetup setup_;
+    ProblemResiduals prepared_;
+    StartResults starts_;
+    std::optional<StageInput> input_;
+    StrategyRun strategy_;
+    IdentificationResult result_;
+};
+
+/// A series over whole segments that is not explained, once more with nodes. @return nothing if that is no better
+std::optional<IdentificationResult> with_nodes(const Identification& whole, const Options& given, Observer& observer) {
+    if (observer.stopped() || !may_need_nodes(whole.problem(), whole.options().strategy)) return {};
+    const std::string need = need_of_nodes(whole.strategy());
+    if (need.empty()) return {};
+    observer.remark(fmt::format(
+        "the series over whole segments is not explained ({}): once more with nodes, as with \"interval\": \"auto\"",
+        need));
+    IdentificationProblem problem = whole.problem();
+    problem.series->interval = SeriesChoice::automatic_interval;
+    Identification divided(std::move(problem), given, observer);
+    divided.run();
+    const auto& best = divided.strategy().best;
+    const bool better = best && best->succeeded() &&
+                        (!whole.strategy().best || !whole.strategy().best->succeeded() ||
+                         series_doubt(*divided.problem().system, *best).empty());
+    if (better) return divided.finish();
+    observer.remark("nodes explain it no better: the result is that of whole segments");
+    return {};
+}
+
 }  // namespace
 
 IdentificationResult identify(const IdentificationProblem& asked, const Options& given, Observer& observer) {
     validate(given);
     IdentificationProblem problem = completed(asked);
-    const std::string divided = divide_where_errors_grow(problem);
-    Options options = given;
-    if (options.strategy.empty()) options.strategy = automatic_strategy(problem);
-    check_strategy(problem, options.strategy);
-    EstimateSetup setup = estimate_setup(problem, fitted_labels(problem));
-    if (options.strategy.size() <= 1) observer.begin("estimate", 0.0, {});
-    ProblemResiduals prepared;
-    observer.within("first solutions");
-    if (!divided.empty()) observer.remark(divided);
-    add_series(problem, setup, prepared);
-    // A later stage of waveforms begins where the one before it ends.
-    if (options.strategy.front().uses(ResidualType::waveform))
-        for (const std::string& line : add_waveform(problem, setup, setup.start(), prepared.waveform))
-            observer.remark(line);
-    for (const std::string& lost : add_branch(problem, setup, setup.start(), prepared.branch))
-        observer.remark(lost);
-    const models::ParameterBinding& cycle_binding = searched_binding(problem, setup);
-    if (const auto flow = first_flow(problem, setup, prepared, cycle_binding, options.seed))
-        observer.detail(compare_derivatives(*flow));
-    IdentificationResult result;
-    result.structure = examined_structure(problem, setup, observer);
-    observer.within({});
-
-    StartResults starts;
-    StageInput input{problem,
-                     options,
-                     observer,
-                     setup,
-                     cycle_binding,
-                     prepared,
-                     estimate_options(problem, options, observer),
-                     problem.measured.search,
-                     &starts,
-                     {},
-                     true};
-    input.signs = result.structure.signs;
-    if (problem.measured.find) input.find_cycles = [&] { find_cycles(problem.measured, input); };
-    const auto take = [&](const StrategyRun& run) {
-        result.stages = run.stages;
-        result.estimate = strategy_estimate(run, observer.stopped());
-        add_held(result.structure, result.estimate.message);
-        result.optima = starts.optima;
-        result.runs = starts.runs;
-        result.cycles = input.search.cycles;
-    };
-    StrategyRun strategy = run_strategy(input, options.strategy, setup.parameters, [&](const StrategyRun& run) {
-        take(run);
-        observer.stage_ended(result);
-    });
-    take(strategy);
-    if (!strategy.best || strategy.best->residuals.all().empty()) {
-        observer.end(result.estimate.message);
-        return result;
-    }
-    const auto best = std::make_shared<const StageRun>(std::move(*strategy.best));
-    result.best = best;
-    observer.estimated(result);
-    // What an estimate has for every block is not held twice beside another estimate.
-    drop_blocks(result.estimate);
-    criticise_result(input, *best, result);
-    take_blocks(best->estimate, result.estimate);
-    return result;
+    if (const std::string found = divide_where_errors_grow(problem); !found.empty()) observer.remark(found);
+    Identification first(std::move(problem), given, observer);
+    first.run();
+    if (auto divided = with_nodes(first, given, observer)) return std::move(*divided);
+    return first.finish();
 }
 
 IdentificationResult identify(const IdentificationProblem& problem, const Options& options) {

@@ -154,6 +154,16 @@ TEST_CASE("a chaotic record without a word on its intervals is followed from nod
     // The stored job says no more than the one that was given.
     CHECK(!read_json(out / "job.json")["estimate"]["residuals"][0].contains("interval"));
 
+    // A start whose motion is not chaotic says nothing of errors: the failure of whole segments does.
+    json far = job;
+    far["estimate"]["parameters"] = {{"rho", {{"start", 20}}}};
+    const Outcome again = orbid_with({"run", write_job(folder.path() / "far.json", far), "--out", out, "--force"});
+    CAPTURE(again.error, again.out);
+    REQUIRE(again.code == 0);
+    CHECK_THAT(again.out + again.error, ContainsSubstring("once more with nodes"));
+    const json rho = read_json(out / "result.json")["parameters"]["rho"];
+    CHECK(std::abs(rho["value"].get<double>() - 28.0) < 4.0 * rho["sd"].get<double>());
+
     // A known first state belongs to one course over the whole segment, and so do errors that last.
     job["data"]["initial_state"] = {{"x", {{"value", 1.0}}}};
     const Outcome check = orbid_with({"check", write_job(folder.path() / "known.json", job)});

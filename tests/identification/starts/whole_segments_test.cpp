@@ -1,5 +1,5 @@
 // Growth of errors along a segment, against the closed form of linear equations; series that get nodes by it.
-#include "identification/starts/error_growth.hpp"
+#include "identification/starts/whole_segments.hpp"
 
 #include <cmath>
 #include <string>
@@ -11,7 +11,7 @@
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
-namespace error_growth_test {
+namespace whole_segments_test {
 
 using namespace orbid;
 using namespace orbid::tests;
@@ -104,4 +104,4 @@ TEST_CASE("a series whose errors grow a thousandfold gets nodes where it asks fo
     if (row.divided) CHECK_THAT(found, ContainsSubstring("grow 1e+03 times along a segment"));
 }
 
-}  // namespace error_growth_test
+}  // namespace whole_segments_test
