@@ -55,6 +55,7 @@ Problem held(const Problem& problem, Eigen::Index parameter, double u) {
     // A few Gauss-Newton steps suffice: the remaining distance changes the rise to second order only.
     result.options.maximum_iterations = 10;
     result.options.step_tolerance = 0.05;
+    result.polished = false;
     result.options.progress = nullptr;
     result.options.watched = nullptr;
     return result;
@@ -148,6 +149,8 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
     if (hessian.known && !hessian.definite && !minimum.step.free.empty())
         distrust(minimum.step.free.front(), "the objective is not convex at the estimate");
     for (const Eigen::Index i : minimum.step.free) {
+        // One reason is told, and the next ones cost minimisations of the whole.
+        if (!verdict.trust) break;
         if (posterior.identifiable().undetermined[static_cast<std::size_t>(i)]) continue;
         const double ratio = hessian.ratio[i];
         if (ratio > most_ratio || ratio < 1.0 / most_ratio)
@@ -157,6 +160,7 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
         double outside = 0.0;
         std::string roots;
         for (const double sign : {-1.0, 1.0}) {
+            if (!verdict.trust) break;
             const std::string where = sign < 0.0 ? "below the estimate" : "above the estimate";
             const double u = state.u[i] + sign * reach * sd;
             if (!(u > problem.lower[i]) || !(u < problem.upper[i])) {

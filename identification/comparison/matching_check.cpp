@@ -52,7 +52,7 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
     looser.reserve(shooting.size());
     for (std::size_t i = 0; i < shooting.size(); ++i)
         looser.push_back(shooting[i]->with(orbits::looser(*shooting[i], run.estimate.active[i]), run.estimate.active[i],
-                                           run.estimate.latents[i]));
+                                           run.estimate.latents[i], estimated_theta(run.estimate)));
     const auto count = std::ssize(run.parameters);
     std::vector<estimator::MappedResidual> held;
     held.reserve(looser.size());
