@@ -83,7 +83,6 @@ Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& param
     for (std::size_t r = 0; r < residuals.size(); ++r)
         for (const BlockLayout& block : rounds.set.active[r].layout)
             if (!block.active) result.counts[r].unused.push_back(block.label);
-    result.active = rounds.set.active;
     result.iterations = rounds.ledger.iterations;
     result.evaluations = rounds.ledger.evaluations;
     result.rounds = rounds.ledger.round;
@@ -91,6 +90,7 @@ Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& param
     result.history = rounds.ledger.history;
     if (result.status == EstimateStatus::failed) {
         report_failure(problem, state, result);
+        result.active = std::move(rounds.set.active);
         return result;
     }
     tell_step({.phase = StepReport::Phase::uncertainty,
@@ -111,6 +111,7 @@ Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& param
         result.trust_normal = false;
         result.distrust = "the minimum lies at a kink of the objective, whose sides have different curvatures";
     }
+    result.active = std::move(rounds.set.active);
     return result;
 }
 

@@ -190,10 +190,9 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
 void fill_latents(const Problem& problem, const State& state, Estimate& estimate) {
     estimate.latents = state.latents;
     for (std::size_t r = 0; r < problem.residuals.size(); ++r) {
-        const std::size_t count = estimate.active[r].layout.size();
         BlockValue none;
         none.status = BlockStatus::failed;
-        estimate.residuals.emplace_back(count, none);
+        estimate.residuals.emplace_back(state.latents[r].size(), none);
         estimate.latent_sds.emplace_back();
         for (const Eigen::VectorXd& z : state.latents[r])
             estimate.latent_sds.back().push_back(Eigen::VectorXd::Constant(z.size(), nan_value));

@@ -7,8 +7,12 @@
 namespace orbid::estimator {
 
 void ErrorUpdates::start(const Minimum& minimum, State& state, int round) {
-    latent_fit_ = latent_fit_sizes(problem_, set_, state, minimum.rows, minimum.matching);
-    if (state.errors_known || (set_.provisional && round > 1)) return;
+    const bool known = state.errors_known || (set_.provisional && round > 1);
+    const std::vector<bool> free = free_errors(problem_, set_);
+    // A factorisation, for nothing where no scale is begun or searched.
+    if (!known || std::find(free.begin(), free.end(), true) != free.end())
+        latent_fit_ = latent_fit_sizes(problem_, set_, state, minimum.rows, minimum.matching);
+    if (known) return;
     const ErrorLimits limit = error_limits(problem_, set_, state, minimum.rows, latent_fit_);
     const Eigen::VectorXd gaps = set_.provisional ? gap_sizes(problem_, set_, minimum.rows) : Eigen::VectorXd();
     for (std::size_t k = 0; k < problem_.errors.size(); ++k) {

@@ -44,8 +44,8 @@ void Stopping::note_remaining(double remaining) {
 
 /// Whether further steps would not add digits to a minimum that is already good enough.
 bool Stopping::gains_no_digits(double remaining) const {
-    return remaining < polished_share * problem_.options.step_tolerance || polishing_ >= polishing_steps ||
-           rejected_ > 0 || (polishing_ > 1 && remaining > 0.8 * last_);
+    return !problem_.polished || remaining < polished_share * problem_.options.step_tolerance ||
+           polishing_ >= polishing_steps || rejected_ > 0 || (polishing_ > 1 && remaining > 0.8 * last_);
 }
 
 /// Whether the step that is left is not more than the residuals' rounding.

@@ -30,6 +30,7 @@ struct Problem {
     };
     std::vector<Joint> joint_priors;
     EstimateOptions options;
+    bool polished = true;         ///< steps go on beyond the tolerance while they gain digits
     Collective* ranks = nullptr;  ///< over which the estimate is spread; null: none
     ChainShare share;
 };

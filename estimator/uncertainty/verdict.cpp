@@ -55,6 +55,7 @@ Problem held(const Problem& problem, Eigen::Index parameter, double u) {
     // A few Gauss-Newton steps suffice: the remaining distance changes the rise to second order only.
     result.options.maximum_iterations = 10;
     result.options.step_tolerance = 0.05;
+    result.polished = false;
     result.options.progress = nullptr;
     result.options.watched = nullptr;
     return result;
@@ -148,12 +149,13 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
     if (hessian.known && !hessian.definite && !minimum.step.free.empty())
         distrust(minimum.step.free.front(), "the objective is not convex at the estimate");
     for (const Eigen::Index i : minimum.step.free) {
-        if (posterior.identifiable().undetermined[static_cast<std::size_t>(i)]) continue;
+        // One reason is told, and looking for others costs minimisations of the whole.
+        if (!verdict.trust || posterior.identifiable().undetermined[static_cast<std::size_t>(i)]) continue;
         const double ratio = hessian.ratio[i];
         if (ratio > most_ratio || ratio < 1.0 / most_ratio)
             distrust(i, "its sd from the full Hessian is " + two_figures(ratio) + " times the Gauss-Newton one");
         const double sd = std::sqrt(posterior.laplace()(i, i));
-        if (!(sd > 0.0)) continue;
+        if (!verdict.trust || !(sd > 0.0)) continue;
         double outside = 0.0;
         std::string roots;
         for (const double sign : {-1.0, 1.0}) {
@@ -161,7 +163,7 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
             const double u = state.u[i] + sign * reach * sd;
             if (!(u > problem.lower[i]) || !(u < problem.upper[i])) {
                 distrust(i, "a bound lies within two sds " + where);
-                continue;
+                break;
             }
             State trial = moved(problem, set, state, posterior, sign * reach / sd * posterior.laplace().col(i));
             double rise = nan_value;
@@ -185,7 +187,7 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
             if (beside.outcome == Outcome::interrupted) return verdict;
             if (beside.outcome == Outcome::start_failed || beside.outcome == Outcome::blocks_stopped) {
                 distrust(i, "cannot be evaluated two sds " + where);
-                continue;
+                break;
             }
             rise = deviance(problem, set, state, minimum, trial.u, beside.evaluation.values);
             const double root = std::sqrt(std::max(rise, 0.0));

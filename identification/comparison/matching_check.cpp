@@ -1,10 +1,10 @@
 #include "identification/comparison/matching_check.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
-#include "estimator/interface/mapped_residual.hpp"
 #include "identification/problem/estimated_values.hpp"
 #include "orbits/series_residuals/continuity_report.hpp"
 
@@ -34,14 +34,16 @@ Eigen::VectorXd laplace_sds(const estimator::Estimate& estimate) {
     return column(estimate.parameters, &estimator::Estimated::laplace_sd);
 }
 
-/// Errors of the readings as estimated. Estimated anew they could tend to zero: under loose matching the nodes may
-/// follow the readings of a coordinate.
-std::vector<estimator::ErrorOverride> estimated_errors(const estimator::Residual& residual,
-                                                       const estimator::Estimate& estimate) {
-    std::vector<estimator::ErrorOverride> errors;
-    for (const estimator::Group& group : residual.groups())
-        if (const auto* scale = scale_of(estimate, group.name); scale != nullptr && group.scale.estimate)
-            errors.push_back({group.name, "scale", scale->value});
+/// Errors of the readings as estimated, by group; nan where they are given. Estimated anew they could tend to zero:
+/// under loose matching the nodes may follow the readings of a coordinate.
+std::vector<double> estimated_errors(const orbits::ShootingResidual& residual, const estimator::Estimate& estimate) {
+    const auto& groups = residual.groups();
+    const auto matched = static_cast<std::size_t>(residual.matching().constraints ? 0 : residual.range().size());
+    std::vector<double> errors;
+    for (std::size_t g = 0; g + matched < groups.size(); ++g) {
+        const auto* scale = groups[g].scale.estimate ? scale_of(estimate, groups[g].name) : nullptr;
+        errors.push_back(scale != nullptr ? scale->value : std::numeric_limits<double>::quiet_NaN());
+    }
     return errors;
 }
 
@@ -50,18 +52,13 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
     const auto& shooting = run.residuals.shooting;
     std::vector<orbits::ShootingResidual> looser;
     looser.reserve(shooting.size());
-    for (std::size_t i = 0; i < shooting.size(); ++i)
-        looser.push_back(shooting[i]->with(orbits::looser(*shooting[i], run.estimate.active[i]), run.estimate.active[i],
-                                           run.estimate.latents[i]));
-    const auto count = std::ssize(run.parameters);
-    std::vector<estimator::MappedResidual> held;
-    held.reserve(looser.size());
-    for (const orbits::ShootingResidual& residual : looser)
-        held.emplace_back(residual, estimator::ParameterMap::identity(count),
-                          estimator::MappedResidualOptions{estimated_errors(residual, run.estimate), {}, {}});
     std::vector<const estimator::Residual*> residuals;
-    for (const estimator::MappedResidual& residual : held)
-        residuals.push_back(&residual);
+    for (std::size_t i = 0; i < shooting.size(); ++i) {
+        looser.push_back(shooting[i]->with(orbits::looser(*shooting[i], run.estimate.active[i]), run.estimate.active[i],
+                                           run.estimate.latents[i], estimated_theta(run.estimate),
+                                           estimated_errors(*shooting[i], run.estimate)));
+        residuals.push_back(&looser.back());
+    }
     std::vector<estimator::FreeParameter> parameters = run.parameters;
     std::vector<std::string> names;
     for (std::size_t i = 0; i < parameters.size(); ++i) {

@@ -155,8 +155,15 @@ void try_starts(StageInput& input, StageValue& memory, bool known, ProblemResidu
     if (!known) input.observer.begin("estimate", 0.0, {});
 }
 
+/// Keeps what a stage has come to, unless an interruption leaves it half done.
+void keep(const StageInput& input, const std::string& name, StageValue& memory) {
+    if (input.kept && !name.empty() && !input.observer.stopped()) input.observer.keep(name, memory);
+}
+
 /// @param known  the stage has run before and left `memory`, which is filled otherwise.
-StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parameters, StageValue& memory, bool known) {
+/// @param name   under which that is kept; empty: not at all. The estimate leaves `memory`: all its blocks are large.
+StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parameters, StageValue& memory, bool known,
+                        const std::string& name) {
     StageRun run;
     run.result.stage = stage.name();
     estimator::EstimateOptions options = input.estimate;
@@ -179,8 +186,12 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     check_enough_readings(input.problem, input.setup, run.residuals);
     if (input.starts != nullptr && input.options.starts > 1)
         try_starts(input, memory, known, run.residuals, parameters);
-    if (!known) memory.estimate = affordable_estimate(input, memory.series, parameters, run.residuals, options);
-    run.estimate = memory.estimate;
+    if (!known) {
+        memory.estimate = affordable_estimate(input, memory.series, parameters, run.residuals, options);
+        // Before it is told, so that what was told is there.
+        keep(input, name, memory);
+    }
+    run.estimate = std::move(memory.estimate);
     run.estimate.iterations += memory.cycles.iterations + memory.series.iterations;
     run.estimate.evaluations += memory.cycles.evaluations + memory.series.evaluations;
     if (memory.series.doubtful && run.estimate.status == EstimateStatus::converged) {
@@ -248,7 +259,7 @@ const models::ParameterBinding& searched_binding(const IdentificationProblem& pr
 
 StageRun fit_stage(StageInput& input, const Stage& stage, const Parameters& parameters) {
     StageValue unused;
-    StageRun run = estimate_stage(input, stage, parameters, unused, false);
+    StageRun run = estimate_stage(input, stage, parameters, unused, false, {});
     if (!run.skipped()) describe(input, run);
     return run;
 }
@@ -267,7 +278,7 @@ StageRun remembered_stage(StageInput& input, const Stage& stage, const Parameter
         input.search = *memory.search;
         input.observer.found(input.search);
     }
-    StageRun run = memory.skipped.empty() ? estimate_stage(input, stage, parameters, memory, true)
+    StageRun run = memory.skipped.empty() ? estimate_stage(input, stage, parameters, memory, true, {})
                                           : skipped(stage, parameters, memory.skipped);
     if (!run.skipped()) describe(input, run);
     input.observer.recalled(stage.name(), outcome_of(run));
@@ -287,17 +298,22 @@ StageRun computed_stage(StageInput& input, const Stage& stage, const Parameters&
             memory.skipped =
                 before == nullptr ? "no estimate from cycles points anywhere" : harvest_cycles(input, *before);
             if (memory.skipped.empty()) memory.search = input.search;
-            if (input.kept && !input.observer.stopped()) input.observer.keep(cycles, memory);
+            keep(input, cycles, memory);
         }
-        if (!memory.skipped.empty()) return skipped(stage, parameters, memory.skipped);
+        if (!memory.skipped.empty()) {
+            keep(input, name, memory);
+            return skipped(stage, parameters, memory.skipped);
+        }
     }
     // A single stage is called after the whole, which has begun.
     if (input.options.strategy.size() > 1) input.observer.begin(stage.name(), 0.0, {});
-    StageRun run = estimate_stage(input, stage, parameters, memory, false);
-    if (run.skipped())
+    StageRun run = estimate_stage(input, stage, parameters, memory, false, name);
+    if (run.skipped()) {
         memory.skipped = run.result.message;
-    else
+        keep(input, name, memory);
+    } else {
         describe(input, run);
+    }
     return run;
 }
 
@@ -308,8 +324,6 @@ StageRun run_stage(StageInput& input, const Stage& stage, const Parameters& para
     StageValue memory;
     if (input.kept && input.observer.recall(name, memory)) return remembered_stage(input, stage, parameters, memory);
     StageRun run = computed_stage(input, stage, parameters, before, memory, name);
-    // Kept before it is told, so that what was told is there. An interruption leaves a stage half done.
-    if (input.kept && !input.observer.stopped()) input.observer.keep(name, memory);
     input.observer.end(outcome_of(run));
     return run;
 }

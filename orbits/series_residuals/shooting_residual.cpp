@@ -77,7 +77,8 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
 }
 
 ShootingResidual ShootingResidual::with(const Continuity& matching, const estimator::ActiveSet& active,
-                                        std::vector<VectorXd> latents, const VectorXd& theta) const {
+                                        std::vector<VectorXd> latents, const VectorXd& theta,
+                                        const std::vector<double>& held) const {
     ShootingResidual other = *this;
     other.matching_ = matching;
     other.check_matching();
@@ -88,6 +89,8 @@ ShootingResidual ShootingResidual::with(const Continuity& matching, const estima
     other.initial_.groups.clear();
     other.initial_.layout.clear();
     other.make_groups();
+    for (std::size_t g = 0; g < held.size(); ++g)
+        if (held[g] > 0.0) other.initial_.groups.at(g).scale = {false, held[g], other.initial_.groups[g].scale.prior};
     other.make_layout();
     for (std::size_t b = 0; b < active.layout.size(); ++b)
         other.initial_.layout[b].active = active.layout[b].active;

@@ -79,8 +79,10 @@ public:
 
     /// The same residual with other matching and the active blocks of a set, started from these latent states and
     /// parameters of the estimator (empty: its own). The data are shared.
+    /// @param held  scales of the first groups, which are fixed there; nan: as it is.
     [[nodiscard]] ShootingResidual with(const Continuity& matching, const estimator::ActiveSet& active,
-                                        std::vector<Eigen::VectorXd> latents, const Eigen::VectorXd& theta = {}) const;
+                                        std::vector<Eigen::VectorXd> latents, const Eigen::VectorXd& theta = {},
+                                        const std::vector<double>& held = {}) const;
 
     [[nodiscard]] std::string_view type() const override { return "series"; }
     [[nodiscard]] const std::vector<estimator::Group>& groups() const override { return initial_.groups; }

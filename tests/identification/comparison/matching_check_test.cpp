@@ -13,15 +13,17 @@ using namespace orbid;
 
 namespace {
 
-/// Keeps the steps of the looser estimate: the objective after each.
+/// Keeps the steps of the looser estimate: the objective after each, and whether matching was looser still on the way.
 class LooserObserver : public identification::Observer {
 public:
     void step(const std::string& minimisation, const estimator::StepReport& report) override {
         if (minimisation != "ten times looser matching") return;
         objectives.push_back(report.objective);
+        staged = staged || report.provisional;
     }
 
     std::vector<double> objectives;
+    bool staged = false;
 };
 
 }  // namespace
@@ -45,6 +47,8 @@ TEST_CASE("looser matching keeps the errors of the readings", "[identification]"
     REQUIRE(observer.objectives.size() > 1);
     CAPTURE(observer.objectives, result.matching[0].shift);
     CHECK(observer.objectives[1] - observer.objectives.back() < 1.0);
+    // The nodes of the estimate meet at its parameters; at those of the start they would not.
+    CHECK_FALSE(observer.staged);
 }
 
 }  // namespace matching_check_test
