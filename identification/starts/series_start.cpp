@@ -163,6 +163,7 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     };
     using Begun = std::pair<Eigen::VectorXd, std::vector<std::size_t>>;
     std::vector<Begun> begun;  // parameters, and intervals as they were chosen
+    std::vector<Eigen::VectorXd> refused_at;
     bool agree = false, ended = false;
     int made = 0, iterations = 0, evaluations = 0;
     for (const Place& place : list) {
@@ -170,12 +171,15 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
         const SeriesStart start = start_at(problem, place);
         // What errors suggested may have been an eighth of a turn.
         if (std::find(begun.begin(), begun.end(), Begun{start.theta, start.intervals}) != begun.end()) continue;
+        // States that cannot be told are no matter of intervals.
+        if (std::find(refused_at.begin(), refused_at.end(), start.theta) != refused_at.end()) continue;
         ++made;
         SeriesAttempt one;
         try {
             one = run.make(place.name, start);
         } catch (const orbits::DataError& error) {
             if (!refused) refused = error;
+            refused_at.push_back(start.theta);
             if (search.log) search.log(fmt::format("attempt {} ({}): {}", made, place.name, error.what()));
             continue;
         }

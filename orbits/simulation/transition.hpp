@@ -50,6 +50,7 @@ struct Prediction {
     Eigen::VectorXd error;    ///< shape (n)
     Eigen::MatrixXd by_x;     ///< X of (M4), shape (n, n); empty without derivatives
     Eigen::MatrixXd by_free;  ///< Y of (M4), shape (n, f)
+    std::size_t steps = 0;    ///< of the integrator, also where it is not ok
 };
 
 /// Predictions of all transitions. With measured inputs `systems` has one system per segment of the series, otherwise
