@@ -154,8 +154,8 @@ struct PieceEstimate {
 
 PieceEstimate piece_estimate(const IdentificationProblem& problem, const EstimateSetup& setup,
                              const std::vector<estimator::FreeParameter>& parameters, const SeriesStart& start,
-                             const SeriesPiece& piece, const MatrixXd& nodes,
-                             estimator::EstimateOptions options, const RepairLimits& limits) {
+                             const SeriesPiece& piece, const MatrixXd& nodes, estimator::EstimateOptions options,
+                             const RepairLimits& limits) {
     PieceEstimate result;
     std::unique_ptr<orbits::ShootingResidual> residual;
     try {

@@ -18,9 +18,9 @@ using SignChoices = std::vector<std::vector<std::string>>;
 
 /// What a course becomes where another side suits its readings better.
 struct CourseRepair {
-    SeriesStart start;  ///< with other nodes
-    int changed = 0;    ///< places where the course changes to the other side, or no longer does
-    double gain = 0.0;  ///< of the objective, as the pieces tell, summed
+    SeriesStart start;       ///< with other nodes
+    int changed = 0;         ///< places where the course changes to the other side, or no longer does
+    double gain = 0.0;       ///< of the objective, as the pieces tell, summed
     std::uint64_t work = 0;  ///< of all pieces, see ShootingResidual::work()
 };
 

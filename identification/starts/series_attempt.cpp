@@ -183,8 +183,8 @@ SeriesAttempt SeriesAttempts::on_better_sides(SeriesAttempt found) {
         if (work_ > most_work_) break;
         const models::FlowOptions quick_flow{1e-11, 1e-11, most_flow_steps(found.start)};
         const CourseRepair repair =
-            repaired_course(problem_, setup_, parameters_, search_.signs, found.start, found.estimate,
-                            search_.estimate, {quick_flow, std::min(most_of_one_, most_work_ - work_)});
+            repaired_course(problem_, setup_, parameters_, search_.signs, found.start, found.estimate, search_.estimate,
+                            {quick_flow, std::min(most_of_one_, most_work_ - work_)});
         work_ += repair.work;
         if (repair.changed == 0) break;
         SeriesAttempt other = make("other sides", repair.start);

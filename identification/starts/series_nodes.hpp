@@ -35,9 +35,9 @@ struct SeriesStart {
 
 /// States that were followed along the records of a problem, for residuals that begin at the same parameters.
 struct FollowedRecords {
-    Eigen::VectorXd theta;                                             ///< the estimator's vector
+    Eigen::VectorXd theta;                                              ///< the estimator's vector
     std::vector<std::shared_ptr<const orbits::FollowedSeries>> series;  ///< by experiment of the series
-    std::uint64_t work = 0;                                            ///< of all that was followed here
+    std::uint64_t work = 0;                                             ///< of all that was followed here
 };
 
 /// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start.theta` unless it has
@@ -59,11 +59,8 @@ struct SeriesPiece {
 /// The residual of a piece of a record alone, with exact matching: of its nodes, shape (n, nodes), and all readings up
 /// to the next one. Errors are those of `start`, where it knows them, and not estimated.
 /// @throws orbits::DataError when the piece has no readings.
-[[nodiscard]] std::unique_ptr<orbits::ShootingResidual> shooting_piece(const IdentificationProblem& problem,
-                                                                       const EstimateSetup& setup,
-                                                                       const SeriesStart& start,
-                                                                       const SeriesPiece& piece,
-                                                                       const Eigen::MatrixXd& nodes,
-                                                                       const models::FlowOptions& flow = {});
+[[nodiscard]] std::unique_ptr<orbits::ShootingResidual> shooting_piece(
+    const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
+    const SeriesPiece& piece, const Eigen::MatrixXd& nodes, const models::FlowOptions& flow = {});
 
 }  // namespace orbid::identification

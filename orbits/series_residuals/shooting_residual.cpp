@@ -207,7 +207,8 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     constexpr double tight = 0.1;
     VectorXd& memory = active.memory.front();
     const bool loose = !(memory[tightness] < tight * memory[reading_noise]);
-    const bool known_states = data_->followed->states.empty() && data_->options.sensor.type != models::Sensor::Type::function;
+    const bool known_states =
+        data_->followed->states.empty() && data_->options.sensor.type != models::Sensor::Type::function;
     if (!loose || !known_states)
         read_scales(active, theta, latents, loose);
     else

@@ -22,7 +22,7 @@
 
 namespace orbid::orbits {
 
-/// The states of a record whose readings do not tell them one by one. Residuals that begin at the same parameters share them.
+/// The states of a record whose readings do not tell them one by one; residuals with the same start share them.
 struct FollowedSeries {
     std::vector<Eigen::MatrixXd> states;  ///< by segment of the series, shape (n, samples); none: nothing is followed
     Eigen::VectorXd reading_sd;           ///< shape (rows of the series): the largest of all segments

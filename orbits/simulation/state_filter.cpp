@@ -230,8 +230,7 @@ FilteredStates filtered_states(const FollowedRecord& record, const VectorXd& sta
     std::vector<Step> steps;
     for (Index k = 0; k < samples; ++k) {
         if (k > 0) filter.advance(k);
-        if (filter.hopeless(k)) 
-            return {{}, record.theta, {}, std::numeric_limits<double>::infinity(), filter.work()};
+        if (filter.hopeless(k)) return {{}, record.theta, {}, std::numeric_limits<double>::infinity(), filter.work()};
         filter.read(k);
         steps.push_back(std::move(filter.now()));
     }

@@ -233,9 +233,18 @@ TEST_CASE("following a record costs what its flows cost, and errors are looked f
     (void)track_states(*system, theta, series, 0, sensor, {}, {}, &work);
     CHECK(work == 7 + 2 * once);
 
-    FollowedRecord record{*system, theta, sensor, models::Clock::time, std::vector<double>(601, 0.0),
-                          series.segments[0].times, {0}, {0}, series.segments[0].values,
-                          Eigen::Vector3d(40.0, 50.0, 50.0), {}, {}};
+    FollowedRecord record{*system,
+                          theta,
+                          sensor,
+                          models::Clock::time,
+                          std::vector<double>(601, 0.0),
+                          series.segments[0].times,
+                          {0},
+                          {0},
+                          series.segments[0].values,
+                          Eigen::Vector3d(40.0, 50.0, 50.0),
+                          {},
+                          {}};
     const Eigen::Vector3d first(1.0, 2.0, 20.0);
     const Eigen::VectorXd sd = Eigen::VectorXd::Constant(1, 0.5);
     const FilteredStates all = followed_states(record, first, sd);
