@@ -123,10 +123,10 @@ VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     constexpr std::size_t most_steps = 20000;
     const models::FlowOptions flow{1e-9, 1e-9, std::min(most_steps, data.options.flow.maximum_steps)};
     const auto predicted = predictions(data.systems, all, starts, none, data.plan.clock, flow);
-    std::uint64_t steps = 0;
+    std::uint64_t cost = 0;
     for (const Prediction& one : predicted)
-        steps += one.steps;
-    data.work.fetch_add(steps * static_cast<std::uint64_t>(1 + data.system().dimension()), std::memory_order_relaxed);
+        cost += one.cost;
+    data.work.fetch_add(cost * static_cast<std::uint64_t>(1 + data.system().dimension()), std::memory_order_relaxed);
     const VectorXd per_coordinate = prediction_noise(predicted, error_sizes(data.options.sensor, data.range));
     for (const ObservedCoordinate& o : data.observed) {
         double& here = noise[o.group];
