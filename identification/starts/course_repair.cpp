@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <numbers>
@@ -33,6 +34,7 @@ struct Crossing {
     double gain = -std::numeric_limits<double>::infinity();
     Index first = 0;  ///< node of the piece
     MatrixXd nodes;   ///< of the piece, with the signs turned
+    std::uint64_t work = 0;
 };
 
 /// Sizes of the coordinates: a turn of angles, else from the smallest to the largest at a node.
@@ -147,20 +149,25 @@ Index half_of(const IdentificationProblem& problem, const SeriesStart& start, co
 struct PieceEstimate {
     double objective = std::numeric_limits<double>::infinity();
     MatrixXd nodes;
+    std::uint64_t work = 0;
 };
 
 PieceEstimate piece_estimate(const IdentificationProblem& problem, const EstimateSetup& setup,
                              const std::vector<estimator::FreeParameter>& parameters, const SeriesStart& start,
-                             const SeriesPiece& piece, const MatrixXd& nodes,
-                             const estimator::EstimateOptions& options) {
+                             const SeriesPiece& piece, const MatrixXd& nodes, estimator::EstimateOptions options,
+                             const RepairLimits& limits) {
     PieceEstimate result;
     std::unique_ptr<orbits::ShootingResidual> residual;
     try {
-        residual = shooting_piece(problem, setup, start, piece, nodes);
+        residual = shooting_piece(problem, setup, start, piece, nodes, limits.flow);
     } catch (const orbits::DataError&) {  // a piece without readings
         return result;
     }
+    options.interrupted = [&, stopped = options.interrupted] {
+        return residual->work() > limits.work || (stopped && stopped());
+    };
     const auto found = estimator::estimate(parameters, {residual.get()}, {}, options);
+    result.work = residual->work();
     const bool whole = found.status == estimator::EstimateStatus::converged && found.active.size() == 1 &&
                        !found.active[0].is_intermediate_stage;
     if (!whole) return result;
@@ -227,7 +234,7 @@ void take_over(const std::vector<Crossing>& list, CourseRepair& repair) {
 CourseRepair repaired_course(const IdentificationProblem& problem, const EstimateSetup& setup,
                              const std::vector<estimator::FreeParameter>& parameters, const SignChoices& signs,
                              const SeriesStart& start, const estimator::Estimate& estimate,
-                             const estimator::EstimateOptions& options) {
+                             const estimator::EstimateOptions& options, const RepairLimits& limits) {
     constexpr int most_steps = 40;
     CourseRepair repair;
     repair.start = start;
@@ -239,6 +246,7 @@ CourseRepair repaired_course(const IdentificationProblem& problem, const Estimat
     rough.maximum_iterations = most_steps;
     rough.step_tolerance = 1e-2;
     rough.interrupted = options.interrupted;
+    const RepairLimits each{limits.flow, limits.work / std::max<std::uint64_t>(2 * list.size(), 1)};
     tbb::parallel_for(std::size_t{0}, list.size(), [&](std::size_t i) {
         Crossing& one = list[i];
         const MatrixXd& all = start.nodes[one.place][one.segment];
@@ -247,16 +255,19 @@ CourseRepair repaired_course(const IdentificationProblem& problem, const Estimat
         const Index end = std::min(all.cols(), one.node + 1 + half);
         const SeriesPiece piece{one.place, one.segment, one.first};
         MatrixXd nodes = all.middleCols(one.first, end - one.first);
-        const PieceEstimate same = piece_estimate(problem, setup, near, start, piece, nodes, rough);
+        const PieceEstimate same = piece_estimate(problem, setup, near, start, piece, nodes, rough, each);
         const Index after = end - (one.node + 1);
         nodes.rightCols(after) = (one.signs.asDiagonal() * nodes.rightCols(after)).eval();
-        const PieceEstimate other = piece_estimate(problem, setup, near, start, piece, nodes, rough);
+        const PieceEstimate other = piece_estimate(problem, setup, near, start, piece, nodes, rough, each);
+        one.work = same.work + other.work;
         if (other.nodes.size() == 0) return;
         one.gain = same.objective - other.objective;
         // Its first part may be what has turned.
         const MatrixXd turned = one.signs.asDiagonal() * other.nodes;
         one.nodes = (turned - nodes).squaredNorm() < (other.nodes - nodes).squaredNorm() ? turned : other.nodes;
     });
+    for (const Crossing& one : list)
+        repair.work += one.work;
     take_over(list, repair);
     return repair;
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -7,6 +9,7 @@
 #include "identification/problem/estimate_setup.hpp"
 #include "identification/problem/identification_problem.hpp"
 #include "identification/starts/series_nodes.hpp"
+#include "models/definition/simulation.hpp"
 
 namespace orbid::identification {
 
@@ -15,9 +18,17 @@ using SignChoices = std::vector<std::vector<std::string>>;
 
 /// What a course becomes where another side suits its readings better.
 struct CourseRepair {
-    SeriesStart start;  ///< with other nodes
-    int changed = 0;    ///< places where the course changes to the other side, or no longer does
-    double gain = 0.0;  ///< of the objective, as the pieces tell, summed
+    SeriesStart start;       ///< with other nodes
+    int changed = 0;         ///< places where the course changes to the other side, or no longer does
+    double gain = 0.0;       ///< of the objective, as the pieces tell, summed
+    std::uint64_t work = 0;  ///< of all pieces, see ShootingResidual::work()
+};
+
+/// What the pieces of a course may cost.
+struct RepairLimits {
+    models::FlowOptions flow{};  ///< of their intervals
+    /// Work of all together, which each has an equal share of: what comes of one does not depend on the others.
+    std::uint64_t work = std::numeric_limits<std::uint64_t>::max();
 };
 
 /// Looks for places where a course of the model is on the wrong side of a symmetry.
@@ -30,10 +41,11 @@ struct CourseRepair {
 ///
 /// @param start     theta, nodes, intervals and the sds of readings where they are known.
 /// @param estimate  from which `start` comes, by multiple shooting alone.
+/// @param limits    of the pieces: those that would go beyond tell nothing.
 [[nodiscard]] CourseRepair repaired_course(const IdentificationProblem& problem, const EstimateSetup& setup,
                                            const std::vector<estimator::FreeParameter>& parameters,
                                            const SignChoices& signs, const SeriesStart& start,
                                            const estimator::Estimate& estimate,
-                                           const estimator::EstimateOptions& options);
+                                           const estimator::EstimateOptions& options, const RepairLimits& limits = {});
 
 }  // namespace orbid::identification

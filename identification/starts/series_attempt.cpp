@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "identification/problem/estimated_values.hpp"
+#include "orbits/records/data_error.hpp"
 #include "orbits/records/reading_noise.hpp"
 
 namespace orbid::identification {
@@ -103,7 +104,14 @@ SeriesAttempt SeriesAttempts::make(const std::string& name, const SeriesStart& s
     const models::FlowOptions quick_flow{1e-11, 1e-11, most_flow_steps(start)};
     SeriesAttempt result;
     ProblemResiduals residuals;
-    add_shooting(problem_, setup_, start, residuals, quick_flow);
+    const std::uint64_t before = followed_.work;
+    try {
+        add_shooting(problem_, setup_, start, residuals, quick_flow, &followed_);
+    } catch (const orbits::DataError&) {
+        work_ += followed_.work - before;
+        throw;
+    }
+    work_ += followed_.work - before;
     std::vector<estimator::FreeParameter> near = held_near(parameters_, prior_width);
     for (std::size_t i = 0; i < near.size(); ++i)
         near[i].start = start.theta[static_cast<Eigen::Index>(i)];
@@ -172,8 +180,12 @@ SeriesAttempt SeriesAttempts::on_better_sides(SeriesAttempt found) {
         const bool ended = found.estimate.status == estimator::EstimateStatus::converged ||
                            found.estimate.status == estimator::EstimateStatus::iteration_limit;
         if (!ended || found.start.nodes.empty() || !std::isfinite(found.misfit)) break;
-        const CourseRepair repair = repaired_course(problem_, setup_, parameters_, search_.signs, found.start,
-                                                    found.estimate, search_.estimate);
+        if (work_ > most_work_) break;
+        const models::FlowOptions quick_flow{1e-11, 1e-11, most_flow_steps(found.start)};
+        const CourseRepair repair =
+            repaired_course(problem_, setup_, parameters_, search_.signs, found.start, found.estimate, search_.estimate,
+                            {quick_flow, std::min(most_of_one_, most_work_ - work_)});
+        work_ += repair.work;
         if (repair.changed == 0) break;
         SeriesAttempt other = make("other sides", repair.start);
         const bool better = other.misfit < found.misfit || (other.start.follows && !found.start.follows);

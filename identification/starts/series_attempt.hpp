@@ -59,7 +59,7 @@ public:
     /// The same, on the other side of a symmetry wherever that suits the readings better; see repaired_course().
     [[nodiscard]] SeriesAttempt on_better_sides(SeriesAttempt found);
 
-    /// What all attempts have cost, see ShootingResidual::work().
+    /// What all attempts have cost, see ShootingResidual::work() and orbits::track_states().
     [[nodiscard]] std::uint64_t work() const { return work_; }
     /// An attempt ends where its own work would exceed `one`, or that of all `all`; at first there is no limit.
     void limit(std::uint64_t one, std::uint64_t all) {
@@ -79,6 +79,7 @@ private:
     const std::vector<estimator::FreeParameter>& parameters_;
     const SeriesSearch& search_;
     bool reached_ = false;  ///< an attempt has come to something
+    FollowedRecords followed_;
     static constexpr std::uint64_t any_work = std::numeric_limits<std::uint64_t>::max();
     std::uint64_t work_ = 0, most_of_one_ = any_work, most_work_ = any_work;
 };

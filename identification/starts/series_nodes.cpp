@@ -100,8 +100,12 @@ SeriesStart nodes_at(const ProblemResiduals& residuals, const estimator::Estimat
 }
 
 void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
-                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow) {
+                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow,
+                  FollowedRecords* followed) {
     const auto& experiments = problem.series->data;
+    const bool known = followed != nullptr && followed->theta.size() == start.theta.size() &&
+                       followed->theta == start.theta && followed->series.size() == experiments.size();
+    std::vector<std::shared_ptr<const orbits::FollowedSeries>> found;
     for (std::size_t i = 0; i < experiments.size(); ++i) {
         const std::size_t experiment = experiments[i];
         const Experiment& measured = problem.experiments[experiment];
@@ -109,6 +113,8 @@ void add_shooting(const IdentificationProblem& problem, const EstimateSetup& set
         options.inputs = measured.inputs;
         options.delay = setup.delay(measured, experiment);
         if (flow) options.flow = *flow;
+        if (known) options.followed = followed->series[i];
+        if (followed != nullptr) options.following_work = &followed->work;
         try {
             residuals.shooting.push_back(std::make_unique<orbits::ShootingResidual>(
                 problem.system, setup.experiments[experiment], *measured.series, std::move(options)));
@@ -116,17 +122,24 @@ void add_shooting(const IdentificationProblem& problem, const EstimateSetup& set
             throw orbits::DataError(fmt::format("{}: {}", measured.name, error.what()));
         }
         residuals.shooting_experiments.push_back(experiment);
+        found.push_back(residuals.shooting.back()->followed());
     }
+    // Residuals with nodes of their own follow nothing.
+    if (followed == nullptr || !start.nodes.empty()) return;
+    followed->theta = start.theta;
+    followed->series = std::move(found);
 }
 
 std::unique_ptr<orbits::ShootingResidual> shooting_piece(const IdentificationProblem& problem,
                                                          const EstimateSetup& setup, const SeriesStart& start,
-                                                         const SeriesPiece& piece, const Eigen::MatrixXd& nodes) {
+                                                         const SeriesPiece& piece, const Eigen::MatrixXd& nodes,
+                                                         const models::FlowOptions& flow) {
     const std::size_t experiment = problem.series->data[piece.place];
     const Experiment& measured = problem.experiments[experiment];
     const std::size_t segment = measured.fitted_segments()[piece.segment];
     orbits::ShootingOptions options = shooting_options(problem, piece.place, start);
     options.matching = orbits::Continuity{};
+    options.flow = flow;
     options.nodes = {nodes};
     options.segments = {0};
     options.delay = setup.delay(measured, experiment);

@@ -33,12 +33,21 @@ struct SeriesStart {
 /// Intervals and nodes of an estimate.
 [[nodiscard]] SeriesStart nodes_at(const ProblemResiduals& residuals, const estimator::Estimate& estimate);
 
+/// States that were followed along the records of a problem, for residuals that begin at the same parameters.
+struct FollowedRecords {
+    Eigen::VectorXd theta;                                              ///< the estimator's vector
+    std::vector<std::shared_ptr<const orbits::FollowedSeries>> series;  ///< by experiment of the series
+    std::uint64_t work = 0;                                             ///< of all that was followed here
+};
+
 /// Adds a residual by multiple shooting per experiment of the series, its nodes guessed at `start.theta` unless it has
 /// them.
-/// @param flow  of the nodes; nothing: as accurate and as long as needed.
+/// @param flow      of the nodes; nothing: as accurate and as long as needed.
+/// @param followed  used where it has the same parameters, and filled; nullptr: states are followed anew.
 /// @throws orbits::DataError when the data do not suffice, naming the experiment.
 void add_shooting(const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
-                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow = std::nullopt);
+                  ProblemResiduals& residuals, const std::optional<models::FlowOptions>& flow = std::nullopt,
+                  FollowedRecords* followed = nullptr);
 
 /// Where a piece of a record begins.
 struct SeriesPiece {
@@ -50,10 +59,8 @@ struct SeriesPiece {
 /// The residual of a piece of a record alone, with exact matching: of its nodes, shape (n, nodes), and all readings up
 /// to the next one. Errors are those of `start`, where it knows them, and not estimated.
 /// @throws orbits::DataError when the piece has no readings.
-[[nodiscard]] std::unique_ptr<orbits::ShootingResidual> shooting_piece(const IdentificationProblem& problem,
-                                                                       const EstimateSetup& setup,
-                                                                       const SeriesStart& start,
-                                                                       const SeriesPiece& piece,
-                                                                       const Eigen::MatrixXd& nodes);
+[[nodiscard]] std::unique_ptr<orbits::ShootingResidual> shooting_piece(
+    const IdentificationProblem& problem, const EstimateSetup& setup, const SeriesStart& start,
+    const SeriesPiece& piece, const Eigen::MatrixXd& nodes, const models::FlowOptions& flow = {});
 
 }  // namespace orbid::identification

@@ -123,14 +123,15 @@ std::string unexplained(int attempts) {
 /// How attempts have ended of which none explains the readings.
 struct Failure {
     bool agree, ended, costly;  ///< two agree; one was not cut; the search has used up its work
-    std::uint64_t affordable;   ///< work of an estimate that may be in vain
+    std::uint64_t affordable;   ///< work of an estimate that is likely to be in vain
+    std::uint64_t most;         ///< of one that may still succeed
 };
 
 /// What that means for the estimate, and for whoever reads the results.
 void judge_failure(const Failure& how, bool hidden, const SeriesSearch& search, SeriesStart& start) {
     start.doubtful = hidden && !how.agree;
     // Where readings tell the states, an estimate from them may still succeed, unless not even one attempt could end.
-    if (start.doubtful || !how.ended) start.affordable = how.affordable;
+    start.affordable = start.doubtful || !how.ended ? how.affordable : how.most;
     if (!search.remark) return;
     if (how.costly && !how.agree) search.remark(too_costly(start.attempts));
     if (hidden) search.remark(unexplained(start.attempts));
@@ -163,6 +164,7 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     };
     using Begun = std::pair<Eigen::VectorXd, std::vector<std::size_t>>;
     std::vector<Begun> begun;  // parameters, and intervals as they were chosen
+    std::vector<Eigen::VectorXd> refused_at;
     bool agree = false, ended = false;
     int made = 0, iterations = 0, evaluations = 0;
     for (const Place& place : list) {
@@ -170,12 +172,15 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
         const SeriesStart start = start_at(problem, place);
         // What errors suggested may have been an eighth of a turn.
         if (std::find(begun.begin(), begun.end(), Begun{start.theta, start.intervals}) != begun.end()) continue;
+        // States that cannot be told are no matter of intervals.
+        if (std::find(refused_at.begin(), refused_at.end(), start.theta) != refused_at.end()) continue;
         ++made;
         SeriesAttempt one;
         try {
             one = run.make(place.name, start);
         } catch (const orbits::DataError& error) {
             if (!refused) refused = error;
+            refused_at.push_back(start.theta);
             if (search.log) search.log(fmt::format("attempt {} ({}): {}", made, place.name, error.what()));
             continue;
         }
@@ -205,8 +210,8 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     start.evaluations = evaluations;
     const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
     if (!start.follows && !stopped)
-        judge_failure({agree, ended, run.work() > most_work.all, most_work.first}, anything_followed(problem), search,
-                      start);
+        judge_failure({agree, ended, run.work() > most_work.all, most_work.first, most_work.all},
+                      anything_followed(problem), search, start);
     return start;
 }
 

@@ -159,9 +159,12 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
     check_flow(*this, starts.col(0), phases[0], durations, theta, free.value_or(std::span<const Eigen::Index>{}), clock,
                options);
     const FlowStarts all{starts.data(), phases.data(), total, theta.data(), clock, for_kernel(options)};
-    // Packs that share their steps do not count them as they go, and there are some thousand of them at most.
+    // Flows of forced models that begin at the same phase share their steps. Packs of these do not count them as they
+    // go, and there are some thousand of them at most.
     constexpr std::size_t smallest_budget = 10000;
-    const auto batch = options.maximum_steps < smallest_budget
+    const bool shared = kind() == Kind::forced &&
+                        std::all_of(phases.begin(), phases.end(), [&](double phase) { return phase == phases[0]; });
+    const auto batch = shared && options.maximum_steps < smallest_budget
                            ? nullptr
                            : kernel_->flow_batch(all, durations, free.value_or(std::span<const Eigen::Index>{}));
     if (!batch) return System::flows(starts, phases, durations, theta, free, clock, options);

@@ -7,6 +7,7 @@
 #include "orbits/series_residuals/shooting_residual.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/section_map.hpp"
+#include "orbits/simulation/transition.hpp"
 
 namespace orbid::orbits {
 
@@ -158,10 +159,10 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     if (result.instants > 0)
         result.flows = system.flows(starts, phases, in_order, all, free, data.plan.clock, chunk.flow);
 
-    std::uint64_t steps = 0;
+    std::uint64_t cost = 0;
     for (const models::FlowResult& one : result.flows)
-        steps += one.steps;
-    data.work.fetch_add(steps * static_cast<std::uint64_t>(1 + result.directions), std::memory_order_relaxed);
+        cost += flow_cost(one);
+    data.work.fetch_add(cost * static_cast<std::uint64_t>(1 + result.directions), std::memory_order_relaxed);
     result.ok.assign(chunk.nodes.size(), 1);
     result.states.resize(n, count * (result.instants + 1));
     std::vector<double> instant_phases(static_cast<std::size_t>(result.states.cols()));

@@ -28,12 +28,19 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     auto data = read(std::move(system), std::move(binding), std::move(series), std::move(options));
     const VectorXd all =
         data->options.start.size() > 0 ? data->binding.values(data->options.start) : data->binding.base;
-    if (data->options.nodes.empty() && needs_tracking(data->system(), data->series, data->options.sensor))
-        follow_states(*data, all);
+    if (data->options.nodes.empty() && needs_tracking(data->system(), data->series, data->options.sensor)) {
+        if (data->options.followed)
+            data->followed = data->options.followed;
+        else
+            follow_states(*data, all);
+    }
+    data->options.followed.reset();
+    data->options.following_work = nullptr;
+    const FollowedSeries& known = *data->followed;
     data->interval = data->options.interval > 0
                          ? data->options.interval
-                         : shooting_interval(data->systems, data->tracks.empty() ? all : data->track_theta,
-                                             data->series, data->options.sensor, data->options.segments, data->tracks);
+                         : shooting_interval(data->systems, known.states.empty() ? all : known.theta, data->series,
+                                             data->options.sensor, data->options.segments, known.states);
     data->plan = plan_shooting(data->system(), data->series, data->options.segments, data->observed,
                                data->options.sensor, data->interval);
     data_ = data;
@@ -55,8 +62,8 @@ void ShootingResidual::guess_nodes(const VectorXd& all) {
         for (std::size_t i = b; i < plan.nodes.size() && plan.nodes[i].segment == s; ++i)
             samples.push_back(plan.nodes[i].sample);
         MatrixXd states;
-        if (!data.tracks.empty()) {
-            states = data.tracks[s](Eigen::all, samples);
+        if (!data.followed->states.empty()) {
+            states = data.followed->states[s](Eigen::all, samples);
         } else if (data.options.nodes.empty()) {
             states = node_states(system_of(s), all, data.series, s, data.options.sensor, samples);
         } else {
@@ -104,10 +111,10 @@ VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     const Data& data = *data_;
     const auto groups = std::ssize(data.reading_range);
     VectorXd noise = VectorXd::Zero(groups);
-    if (!data.tracks.empty()) {
+    if (!data.followed->states.empty()) {
         // No state is known without the model: what its states at the start missed, one sample ahead.
         for (const ObservedCoordinate& o : data.observed)
-            noise[o.group] = data.track_sd[o.row] / data.reading_range[static_cast<std::size_t>(o.group)];
+            noise[o.group] = data.followed->reading_sd[o.row] / data.reading_range[static_cast<std::size_t>(o.group)];
         return noise;
     }
     // Nor are states known where nodes between readings by formulas are given.
@@ -116,9 +123,14 @@ VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     const auto starts = transitions(data.systems, all, data.series, data.options.sensor, data.options.segments,
                                     data.interval, looks, 0);
     const std::span<const Index> none;
-    const VectorXd per_coordinate =
-        prediction_noise(predictions(data.systems, all, starts, none, data.plan.clock, {1e-9, 1e-9, 20000}),
-                         error_sizes(data.options.sensor, data.range));
+    constexpr std::size_t most_steps = 20000;
+    const models::FlowOptions flow{1e-9, 1e-9, std::min(most_steps, data.options.flow.maximum_steps)};
+    const auto predicted = predictions(data.systems, all, starts, none, data.plan.clock, flow);
+    std::uint64_t cost = 0;
+    for (const Prediction& one : predicted)
+        cost += one.cost;
+    data.work.fetch_add(cost * static_cast<std::uint64_t>(1 + data.system().dimension()), std::memory_order_relaxed);
+    const VectorXd per_coordinate = prediction_noise(predicted, error_sizes(data.options.sensor, data.range));
     for (const ObservedCoordinate& o : data.observed) {
         double& here = noise[o.group];
         here = here > 0.0 ? std::min(here, per_coordinate[o.coordinate]) : per_coordinate[o.coordinate];
@@ -198,7 +210,8 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     constexpr double tight = 0.1;
     VectorXd& memory = active.memory.front();
     const bool loose = !(memory[tightness] < tight * memory[reading_noise]);
-    const bool known_states = data_->tracks.empty() && data_->options.sensor.type != models::Sensor::Type::function;
+    const bool known_states =
+        data_->followed->states.empty() && data_->options.sensor.type != models::Sensor::Type::function;
     if (!loose || !known_states)
         read_scales(active, theta, latents, loose);
     else

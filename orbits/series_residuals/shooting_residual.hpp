@@ -22,6 +22,13 @@
 
 namespace orbid::orbits {
 
+/// The states of a record whose readings do not tell them one by one; residuals with the same start share them.
+struct FollowedSeries {
+    std::vector<Eigen::MatrixXd> states;  ///< by segment of the series, shape (n, samples); none: nothing is followed
+    Eigen::VectorXd reading_sd;           ///< shape (rows of the series): the largest of all segments
+    Eigen::VectorXd theta;                ///< shape (q): parameters that suit the first of them
+};
+
 struct ShootingOptions {
     std::string name = "series";        ///< prefix of group names: "series.phi", "series.matching.phi"
     std::vector<std::string> observe;   ///< coordinates of the series to fit; empty = all
@@ -44,6 +51,10 @@ struct ShootingOptions {
     /// where nothing is; empty: nothing at all.
     Eigen::VectorXd first_state = {};
     std::optional<InputDelay> delay = {};  ///< of the inputs, which are given undelayed
+    /// States that a residual of the same series has followed from the same start; nothing: they are followed anew.
+    std::shared_ptr<const FollowedSeries> followed = {};
+    /// Grows by what it costs to follow them, see track_states(); not kept. nullptr: not counted.
+    std::uint64_t* following_work = nullptr;
 };
 
 /// The recorded series itself by multiple shooting (Bock 1987, Baake 1992): nodes s_i along every segment,
@@ -128,6 +139,8 @@ public:
     }
     [[nodiscard]] const Series& series() const { return data_->series; }
     [[nodiscard]] const ShootingPlan& plan() const { return data_->plan; }
+    /// States that were followed at the start; none where readings tell them.
+    [[nodiscard]] const std::shared_ptr<const FollowedSeries>& followed() const { return data_->followed; }
     /// What evaluations have cost so far, of this residual and of those that share its data: steps of the integrator,
     /// times one more than the directions of its derivatives. The same on every machine and with any number of threads.
     [[nodiscard]] std::uint64_t work() const { return data_->work.load(std::memory_order_relaxed); }
@@ -145,11 +158,8 @@ private:
         Eigen::Index interval = 1;
         Eigen::VectorXd range;
         std::vector<double> reading_range;  ///< per group of readings
-        /// States at all samples of each segment, where they are followed, and the sds of predictions from them, per
-        /// row of the series; else empty.
-        std::vector<Eigen::MatrixXd> tracks;
-        Eigen::VectorXd track_sd;
-        Eigen::VectorXd track_theta;  ///< parameters that suit the first of them
+        /// States at all samples of each segment, where they are followed.
+        std::shared_ptr<const FollowedSeries> followed = std::make_shared<const FollowedSeries>();
         ShootingPlan plan;
         Eigen::VectorXd omega_slopes;                ///< d omega / d(parameter), per parameter of the binding
         mutable std::atomic<std::uint64_t> work{0};  ///< see work()

@@ -137,18 +137,20 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
 
 /// States of all segments, where readings do not tell them one by one.
 void ShootingResidual::follow_states(Data& data, const VectorXd& all) {
-    data.tracks.resize(data.series.segments.size());
-    data.track_sd = VectorXd::Zero(data.series.dimension());
+    FollowedSeries found;
+    found.states.resize(data.series.segments.size());
+    found.reading_sd = VectorXd::Zero(data.series.dimension());
     std::vector<Index> free = data.binding.parameter;
     if (data.options.delay) std::erase(free, data.options.delay->parameter);
     for (const std::size_t s : data.options.segments) {
         const models::System& system = *data.systems[data.systems.size() == 1 ? 0 : s];
-        StateTrack track =
-            track_states(system, all, data.series, s, data.options.sensor, data.options.first_state, free);
-        if (data.track_theta.size() == 0) data.track_theta = track.theta;
-        data.tracks[s] = std::move(track.states);
-        data.track_sd = data.track_sd.cwiseMax(track.reading_sd);
+        StateTrack track = track_states(system, all, data.series, s, data.options.sensor, data.options.first_state,
+                                        free, data.options.following_work);
+        if (found.theta.size() == 0) found.theta = track.theta;
+        found.states[s] = std::move(track.states);
+        found.reading_sd = found.reading_sd.cwiseMax(track.reading_sd);
     }
+    data.followed = std::make_shared<const FollowedSeries>(std::move(found));
 }
 
 /// Sizes of the coordinates and of what is read in their place.

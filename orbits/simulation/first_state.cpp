@@ -79,13 +79,17 @@ public:
         return sum;
     }
 
+    [[nodiscard]] std::uint64_t work() const { return work_; }
+
 private:
     [[nodiscard]] models::FlowResult from(const VectorXd& x) const {
         std::vector<double> durations;
         for (Index k = 0; k < length_; ++k)
             durations.push_back(record_.at[k] - record_.at[0]);
-        return record_.system.flow_with_sensitivities(x, record_.phases.front(), durations, record_.theta, {},
-                                                      record_.clock, window_flow);
+        auto flow = record_.system.flow_with_sensitivities(x, record_.phases.front(), durations, record_.theta, {},
+                                                           record_.clock, window_flow);
+        work_ += flow.steps * static_cast<std::uint64_t>(1 + record_.system.dimension());
+        return flow;
     }
 
     /// Empty where it cannot be computed.
@@ -115,6 +119,7 @@ private:
     const VectorXd& range_;
     const VectorXd& sd_;
     Index length_ = 1;
+    mutable std::uint64_t work_ = 0;
 };
 
 /// A state on a course of the model, and how unlike the first readings its future is.
@@ -149,6 +154,7 @@ public:
         Analogue best;
         const double first_phase = record_.phases.front();
         const auto flow = record_.system.flow(x, first_phase, durations, record_.theta, record_.clock, rough);
+        work_ += flow.steps;
         if (flow.status != models::FlowStatus::ok || !flow.states.allFinite()) return best;
         std::vector<double> phases;
         const double rate = std::ssize(record_.phases) > stride_ && stride_ > 0
@@ -171,6 +177,8 @@ public:
         return best;
     }
 
+    [[nodiscard]] std::uint64_t work() const { return work_; }
+
 private:
     [[nodiscard]] double unlikeness(const MatrixXd& readings, Index offset) const {
         double sum = 0.0;
@@ -190,6 +198,7 @@ private:
     Index stride_ = 1;
     Index compared_ = 1;
     double step_ = 0.0;  ///< between instants that are compared
+    mutable std::uint64_t work_ = 0;
 };
 
 /// What the first samples tell by themselves.
@@ -274,6 +283,7 @@ FirstStates first_states(const FollowedRecord& record, const Segment& data, cons
     result.courses = columns(near, n);
     if (first.size() > 0 && first.allFinite()) {
         result.states = begins.front();
+        result.work = courses.work();
         return result;
     }
     const VectorXd range = state_range(record.system, result.courses);
@@ -291,6 +301,7 @@ FirstStates first_states(const FollowedRecord& record, const Segment& data, cons
     for (const Analogue& one : found)
         if (std::isfinite(one.distance) || states.empty()) states.push_back(one.state);
     result.states = columns(states, n);
+    result.work = courses.work() + window.work();
     return result;
 }
 

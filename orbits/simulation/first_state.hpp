@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include <Eigen/Core>
 
 #include "models/system/system.hpp"
@@ -12,6 +14,7 @@ namespace orbid::orbits {
 struct FirstStates {
     Eigen::MatrixXd states;   ///< shape (n, candidates), at least one column
     Eigen::MatrixXd courses;  ///< shape (n, m): states on courses of the model like the record; at least one
+    std::uint64_t work = 0;   ///< as of track_states()
 };
 
 /// First states of a record that says less than the state at each instant.

@@ -105,6 +105,7 @@ public:
     }
 
     [[nodiscard]] Step& now() { return now_; }
+    [[nodiscard]] std::uint64_t work() const { return steps_ * static_cast<std::uint64_t>(1 + all_); }
     [[nodiscard]] const VectorXd& theta() const { return theta_; }
     [[nodiscard]] double misfit() const { return misfit_; }
     [[nodiscard]] VectorXd surprise() const {
@@ -229,14 +230,15 @@ FilteredStates filtered_states(const FollowedRecord& record, const VectorXd& sta
     std::vector<Step> steps;
     for (Index k = 0; k < samples; ++k) {
         if (k > 0) filter.advance(k);
-        if (filter.hopeless(k)) return {{}, record.theta, {}, std::numeric_limits<double>::infinity()};
+        if (filter.hopeless(k)) return {{}, record.theta, {}, std::numeric_limits<double>::infinity(), filter.work()};
         filter.read(k);
         steps.push_back(std::move(filter.now()));
     }
-    return {smoothed(record, steps), filter.theta(), filter.surprise(), filter.misfit()};
+    return {smoothed(record, steps), filter.theta(), filter.surprise(), filter.misfit(), filter.work()};
 }
 
-FilteredStates followed_states(const FollowedRecord& record, const MatrixXd& starts, const VectorXd& roughness) {
+FilteredStates followed_states(const FollowedRecord& record, const MatrixXd& starts, const VectorXd& roughness,
+                               std::uint64_t most_work) {
     constexpr Index looked_at = 500, compared_at = 200;
     constexpr int rounds = 2;
     constexpr std::array<double, 7> reading_shares{1.0, 0.3, 0.1, 0.03, 0.01, 1e-3, 1e-4};
@@ -246,15 +248,22 @@ FilteredStates followed_states(const FollowedRecord& record, const MatrixXd& sta
     FilterNoise best{roughness, 1e-2};
     double least = std::numeric_limits<double>::infinity();
     VectorXd start = starts.col(0);
+    std::uint64_t work = 0;
+    const auto misfit_of = [&](const VectorXd& from, const FilterNoise& noise, Index count) {
+        const FilteredStates found = filtered_states(record, from, noise, count);
+        work += found.work;
+        return found.misfit;
+    };
     for (Index j = 0; j < starts.cols() && starts.cols() > 1; ++j) {
-        const double misfit = filtered_states(record, starts.col(j), best, std::min(samples, compared_at)).misfit;
+        const double misfit = misfit_of(starts.col(j), best, std::min(samples, compared_at));
         if (!(misfit < least)) continue;
         least = misfit;
         start = starts.col(j);
     }
     least = std::numeric_limits<double>::infinity();
     const auto consider = [&](const FilterNoise& noise) {
-        const double misfit = filtered_states(record, start, noise, few).misfit;
+        if (work > most_work) return;
+        const double misfit = misfit_of(start, noise, few);
         if (!(misfit < least)) return;
         least = misfit;
         best = noise;
@@ -267,7 +276,9 @@ FilteredStates followed_states(const FollowedRecord& record, const MatrixXd& sta
         for (const double share : reading_shares)
             consider({share * roughness, error});
     }
-    return filtered_states(record, start, best, samples);
+    FilteredStates result = filtered_states(record, start, best, samples);
+    result.work += work;
+    return result;
 }
 
 }  // namespace orbid::orbits

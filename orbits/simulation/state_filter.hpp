@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -40,6 +41,7 @@ struct FilteredStates {
     Eigen::VectorXd theta;     ///< shape (q): with the free parameters at the end
     Eigen::VectorXd surprise;  ///< shape (rows): 1.4826 times the median error of a prediction over one sample
     double misfit = 0.0;       ///< -2 log likelihood of the readings, up to a constant
+    std::uint64_t work = 0;    ///< as of track_states()
 };
 
 /// The extended Kalman filter, forwards over the first `samples` samples from `start` with sds of 0.3 ranges, and
@@ -59,12 +61,17 @@ struct FilteredStates {
 [[nodiscard]] FilteredStates filtered_states(const FollowedRecord& record, const Eigen::VectorXd& start,
                                              const FilterNoise& noise, Eigen::Index samples);
 
+/// An eighth of what a search for a start may cost with some thousands of readings.
+constexpr std::uint64_t most_filter_work = 2'500'000;
+
 /// The same with the errors under which the first 500 readings are most likely: the readings' sds in common proportion
 /// downwards from `roughness`, and the process sd on a grid from 1e-5 to 0.3. Of several starts the one under which the
-/// first 200 are.
+/// first 200 are. Where flows take many steps per sample, errors are looked for until that has cost
+/// `most_work`, as of track_states().
 /// @param starts     shape (n, starts), at least one.
 /// @param roughness  shape (rows): upper bounds of the readings' sds, > 0.
 [[nodiscard]] FilteredStates followed_states(const FollowedRecord& record, const Eigen::MatrixXd& starts,
-                                             const Eigen::VectorXd& roughness);
+                                             const Eigen::VectorXd& roughness,
+                                             std::uint64_t most_work = most_filter_work);
 
 }  // namespace orbid::orbits

@@ -131,17 +131,20 @@ bool needs_tracking(const models::System& system, const Series& series, const mo
 }
 
 StateTrack track_states(const models::System& system, const VectorXd& theta, const Series& series, std::size_t segment,
-                        const models::Sensor& sensor, const VectorXd& first, std::span<const Index> free) {
+                        const models::Sensor& sensor, const VectorXd& first, std::span<const Index> free,
+                        std::uint64_t* work) {
     const Segment& data = series.segments[segment];
     FollowedRecord record = followed_record(system, theta, series, data, sensor);
     const VectorXd sd = reading_sds(record, series);
     const FirstStates begin = first_states(record, data, first, sd);
+    if (work != nullptr) *work += begin.work;
     record.range = state_range(system, begin.courses);
     constexpr double guessed = 0.2;  // sd of a guess of a parameter
     for (const Index parameter : free)
         if (theta[parameter] != 0.0 && parameter != system.forcing_frequency()) record.free.push_back(parameter);
     record.free_sd = guessed * theta(record.free).cwiseAbs();
     FilteredStates found = followed_states(record, begin.states, sd);
+    if (work != nullptr) *work += found.work;
     refuse_record_if(found.states.size() == 0,
                      "segment {}: the model cannot follow its readings from the starts of its parameters: begin with "
                      "others, or say an initial state",

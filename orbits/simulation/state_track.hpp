@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
@@ -34,11 +35,14 @@ struct StateTrack {
 /// @param theta  shape (q).
 /// @param first  shape (n), nan where unknown; or empty.
 /// @param free   parameters of which theta is a guess, good to some twenty percent: they are followed with the state.
+/// @param work   grows by what it costs, also where it throws: steps of the integrator, times one more than the
+///               directions of its derivatives.
 /// @throws DataError  where readings say nothing of the state, or of a direction of it (its sd from all readings of the
 ///         segment exceeds a thousand ranges): the message names the coordinate
 [[nodiscard]] StateTrack track_states(const models::System& system, const Eigen::VectorXd& theta, const Series& series,
                                       std::size_t segment, const models::Sensor& sensor,
-                                      const Eigen::VectorXd& first = {}, std::span<const Eigen::Index> free = {});
+                                      const Eigen::VectorXd& first = {}, std::span<const Eigen::Index> free = {},
+                                      std::uint64_t* work = nullptr);
 
 /// States at all samples of the segments named, by segment of the series; none at all where nothing must be followed.
 /// Parameters are held.

@@ -150,6 +150,7 @@ std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models
         const std::array<double, 1> duration{transitions[group.front()].duration};
         const auto flows = system.flows(starts, phases, duration, theta, free, clock, flow);
         for (std::size_t k = 0; k < group.size(); ++k) {
+            result[group[k]].cost = flow_cost(flows[k]);
             if (flows[k].status != models::FlowStatus::ok || !flows[k].states.allFinite() ||
                 !flows[k].sensitivities.allFinite())
                 continue;

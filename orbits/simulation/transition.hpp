@@ -44,12 +44,20 @@ struct Transition {
                                                   std::size_t count, std::uint64_t seed,
                                                   std::span<const Eigen::MatrixXd> known = {});
 
+/// What a flow among others has cost, in steps of a pack. One that does not come to its end is repeated alone, where a
+/// step takes several times as long.
+[[nodiscard]] inline std::uint64_t flow_cost(const models::FlowResult& flow) {
+    constexpr std::uint64_t alone = 4;
+    return flow.steps * (flow.status == models::FlowStatus::ok ? 1 : 1 + alone);
+}
+
 /// The error of a predicted transition: to - Phi(from), angles wrapped, and derivatives of Phi.
 struct Prediction {
     bool ok = false;
     Eigen::VectorXd error;    ///< shape (n)
     Eigen::MatrixXd by_x;     ///< X of (M4), shape (n, n); empty without derivatives
     Eigen::MatrixXd by_free;  ///< Y of (M4), shape (n, f)
+    std::uint64_t cost = 0;   ///< see flow_cost()
 };
 
 /// Predictions of all transitions. With measured inputs `systems` has one system per segment of the series, otherwise

@@ -2,6 +2,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -153,6 +155,58 @@ TEST_CASE("a right course is left as it is", "[identification][series]") {
                                                         right.start, right.estimate, search.estimate);
     CHECK(repair.changed == 0);
     CHECK((repair.start.nodes[0][0] - right.start.nodes[0][0]).norm() == 0.0);
+}
+
+TEST_CASE("pieces of a course end where they would cost too much", "[identification][series]") {
+    const Laser data = laser();
+    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
+    identification::SeriesSearch search;
+    search.signs = {{"x", "y"}};
+    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, search);
+    const identification::SeriesAttempt wrong = attempts.make("wrong", on_wrong_sides(data.course, 1));
+    const auto repair = [&](const identification::RepairLimits& limits) {
+        return identification::repaired_course(data.problem, setup, setup.parameters, search.signs, wrong.start,
+                                               wrong.estimate, search.estimate, limits);
+    };
+    const auto any = repair({});
+    REQUIRE(any.changed == 1);
+    CHECK(any.work > 1000);
+    const auto scarce = repair({.work = any.work / 50});
+    CHECK(scarce.changed == 0);
+    CHECK(scarce.work < any.work / 2);
+    CHECK((scarce.start.nodes[0][0] - wrong.start.nodes[0][0]).norm() == 0.0);
+    // A flow that may take one step alone comes nowhere.
+    CHECK(repair({.flow = {1e-11, 1e-11, 1}}).changed == 0);
+    // What pieces cost counts for the search.
+    const std::uint64_t before = attempts.work();
+    (void)attempts.on_better_sides(wrong);
+    CHECK(attempts.work() > before + any.work / 2);
+}
+
+TEST_CASE("attempts at the same parameters follow the record once", "[identification][series]") {
+    const Laser data = laser();
+    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
+    identification::FollowedRecords followed;
+    const auto nodes_of = [&](std::size_t every, double s) {
+        identification::SeriesStart start;
+        start.theta = Eigen::Vector3d(s, 28.0, 8.0 / 3.0);
+        start.intervals = {every};
+        start.follows = true;
+        identification::ProblemResiduals residuals;
+        identification::add_shooting(data.problem, setup, start, residuals, std::nullopt, &followed);
+        return residuals.shooting.front()->initial_latents();
+    };
+    const auto six = nodes_of(6, 10.0);
+    const std::uint64_t once = followed.work;
+    CHECK(once > 0);
+    const auto three = nodes_of(3, 10.0);
+    CHECK(followed.work == once);
+    for (std::size_t k = 0; k < six.size(); ++k)
+        CHECK((six[k] - three[2 * k]).norm() == 0.0);
+    // Other parameters have states of their own.
+    const auto other = nodes_of(6, 10.4);
+    CHECK(followed.work > once);
+    CHECK((other[10] - six[10]).norm() > 0.0);
 }
 
 TEST_CASE("a piece of a record has its own readings", "[identification][series]") {

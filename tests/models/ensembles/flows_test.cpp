@@ -259,6 +259,35 @@ TEST_CASE("flows that no pack can follow are single flows", "[models][flows]") {
     }
 }
 
+TEST_CASE("packs of an autonomous model keep a small budget of steps", "[models][flows]") {
+    const auto lorenz = make_system("lorenz");
+    const Eigen::VectorXd theta = lorenz->default_parameters();
+    const Eigen::MatrixXd starts = uniform({-10.0, -10.0, 15.0}, {10.0, 10.0, 35.0}, 21);
+    const std::vector<double> phases(21, 0.0), durations{0.1, 0.4};
+    const std::vector<Eigen::Index> free{0, 1, 2};
+    const auto flows_of = [&](std::size_t budget) {
+        return lorenz->flows(starts, phases, durations, theta, free, Clock::time, {1e-11, 1e-11, budget});
+    };
+    const auto whole = flows_of(1000000);
+    std::size_t most = 0;
+    for (const FlowResult& one : whole)
+        most = std::max(most, one.steps);
+    REQUIRE(most > 4);
+    // Where the budget suffices, packs compute them all the same.
+    const auto enough = flows_of(2 * most);
+    for (std::size_t k = 0; k < whole.size(); ++k)
+        CHECK(same(enough[k], whole[k]));
+    // Where it does not, they end as single flows do.
+    const std::size_t scarce = most / 2;
+    const auto limited = flows_of(scarce);
+    for (Eigen::Index k = 0; k < starts.cols(); ++k) {
+        const auto single = lorenz->flow_with_sensitivities(starts.col(k), 0.0, durations, theta, free, Clock::time,
+                                                            {1e-11, 1e-11, scarce});
+        CHECK(limited[static_cast<std::size_t>(k)].status == single.status);
+        CHECK(limited[static_cast<std::size_t>(k)].steps <= scarce);
+    }
+}
+
 TEST_CASE("a flow that leaves the numbers does not harm its neighbours", "[models][flows]") {
     const ModelSystem<BlowUp> system;
     const ModelSystem<BlowUpAlone> alone;

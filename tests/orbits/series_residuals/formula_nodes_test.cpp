@@ -2,10 +2,12 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 
 #include "models/equations/equation_text.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
+#include "orbits/simulation/state_filter.hpp"
 #include "orbits/simulation/state_track.hpp"
 #include "tests/catch.hpp"
 #include "tests/orbits/series_residuals/shooting_case.hpp"
@@ -216,6 +218,41 @@ TEST_CASE("states are followed through a formula that bends back, on one side", 
     CHECK(std::sqrt(error.row(2).squaredNorm() / 1001.0) < 0.1);
     CHECK(track.reading_sd[0] > 0.3);
     CHECK(track.reading_sd[0] < 1.0);
+}
+
+TEST_CASE("following a record costs what its flows cost, and errors are looked for up to a limit", "[orbits]") {
+    const auto system = laser();
+    const models::Sensor sensor = reads(*system, 0, "gain * x^2 + offset");
+    const Series series = simulated(*system, sensor, 601, 0.01, 0.5, 4, Eigen::Vector3d(1.0, 2.0, 20.0), 1000);
+    const Eigen::VectorXd theta = system->default_parameters();
+    std::uint64_t work = 7;
+    (void)track_states(*system, theta, series, 0, sensor, {}, {}, &work);
+    // At least a step per sample on each of 34 ways over 500 samples, with three directions.
+    CHECK(work > 34 * 500 * 4);
+    const std::uint64_t once = work - 7;
+    (void)track_states(*system, theta, series, 0, sensor, {}, {}, &work);
+    CHECK(work == 7 + 2 * once);
+
+    FollowedRecord record{*system,
+                          theta,
+                          sensor,
+                          models::Clock::time,
+                          std::vector<double>(601, 0.0),
+                          series.segments[0].times,
+                          {0},
+                          {0},
+                          series.segments[0].values,
+                          Eigen::Vector3d(40.0, 50.0, 50.0),
+                          {},
+                          {}};
+    const Eigen::Vector3d first(1.0, 2.0, 20.0);
+    const Eigen::VectorXd sd = Eigen::VectorXd::Constant(1, 0.5);
+    const FilteredStates all = followed_states(record, first, sd);
+    const FilteredStates none = followed_states(record, first, sd, 0);
+    // The first look is always made, and the whole way.
+    CHECK(none.work < all.work / 5);
+    CHECK(none.states.cols() == 601);
+    CHECK(all.misfit <= none.misfit);
 }
 
 TEST_CASE("readings that say nothing of a state have no nodes", "[orbits]") {
