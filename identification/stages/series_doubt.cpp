@@ -34,6 +34,12 @@ constexpr Index queried = 2048, compared = 65536, apart = 10;
 /// Samples after a node of which residuals are compared.
 constexpr Index followed = 16;
 
+/// Fewer samples are hardly enough for nodes, and seldom chaotic.
+constexpr Index least_samples = 50;
+
+/// A share of the spread of a coordinate that a model with some truth in it does not leave.
+constexpr double most_unexplained = 0.5;
+
 double distance2(const StateResiduals& readings, Index i, Index j) {
     double sum = 0.0;
     for (Index d = 0; d < readings.states.rows(); ++d) {
@@ -117,6 +123,26 @@ std::string doubt_of_links(const orbits::ShootingResidual& series, const estimat
     return {};
 }
 
+/// The error of each group, as a share of the spread of its readings.
+double largest_share_left(const orbits::SeriesResidual& residual, const estimator::Estimate& estimate) {
+    double largest = 0.0;
+    for (std::size_t g = 0; g < residual.groups().size(); ++g) {
+        const std::string& name = residual.groups()[g].name;
+        const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
+                                        [&](const estimator::EstimatedScale& one) { return one.group == name; });
+        if (scale == estimate.scales.end()) continue;
+        std::vector<double> readings;
+        for (std::size_t b = 0; b < residual.layout().size(); ++b)
+            for (std::size_t i = 0; i < residual.layout()[b].group.size(); ++i)
+                if (residual.layout()[b].group[i] == static_cast<int>(g))
+                    readings.push_back(residual.readings(b)[static_cast<Index>(i)]);
+        const auto all = Eigen::Map<const Eigen::ArrayXd>(readings.data(), std::ssize(readings));
+        const double spread = std::sqrt((all - all.mean()).square().mean());
+        if (spread > 0.0) largest = std::max(largest, scale->rms / spread);
+    }
+    return largest;
+}
+
 }  // namespace
 
 NeighbourCorrelation neighbour_correlation(const StateResiduals& readings) {
@@ -178,6 +204,27 @@ std::string series_doubt(const models::System& system, const StageRun& run) {
             if (std::string doubt = doubt_of_readings(one, *scale, left, g); !doubt.empty()) return doubt;
         }
     }
+    return {};
+}
+
+bool may_need_nodes(const IdentificationProblem& problem, const std::vector<Stage>& strategy) {
+    if (!problem.series || problem.series->interval || !problem.series->unless_errors_grow) return false;
+    if (strategy.size() != 1 || !strategy.front().is_series()) return false;
+    return std::all_of(problem.series->data.begin(), problem.series->data.end(), [&](std::size_t index) {
+        const Experiment& data = problem.experiments[index];
+        const auto segments = data.fitted_segments();
+        return std::all_of(segments.begin(), segments.end(), [&](std::size_t segment) {
+            return data.series->segments[segment].values.cols() >= least_samples;
+        });
+    });
+}
+
+std::string whole_segments_doubt(const StageRun& run) {
+    if (!run.succeeded()) return fmt::format("status {}", status_name(run.estimate.status));
+    double left = 0.0;
+    for (const auto& residual : run.residuals.series)
+        left = std::max(left, largest_share_left(*residual, run.estimate));
+    if (left > most_unexplained) return fmt::format("{:.0f} % of the spread of the readings is left", 100.0 * left);
     return {};
 }
 

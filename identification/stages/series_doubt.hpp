@@ -40,4 +40,12 @@ struct NeighbourCorrelation {
 /// have to explain all readings as well, by other parameters. What is too short to tell is not explained.
 [[nodiscard]] std::string series_doubt(const models::System& system, const StageRun& run);
 
+/// Whether a strategy is a series over whole segments alone that asks for nodes where it needs some, and has segments
+/// long enough for them.
+[[nodiscard]] bool may_need_nodes(const IdentificationProblem& problem, const std::vector<Stage>& strategy);
+
+/// Why the end of such a strategy may not be the last word: it did not succeed, or leaves more than half of the spread
+/// of a coordinate. Empty: neither.
+[[nodiscard]] std::string whole_segments_doubt(const StageRun& run);
+
 }  // namespace orbid::identification

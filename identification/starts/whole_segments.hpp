@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "identification/stages/strategy_run.hpp"
+#include "identification/problem/identification_problem.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
 
 namespace orbid::identification {
@@ -20,13 +20,5 @@ namespace orbid::identification {
 /// @return what was found, as a sentence; empty: the series stays as it is
 /// @throws orbits::DataError when the data cannot serve it, naming the experiment.
 [[nodiscard]] std::string divide_where_errors_grow(IdentificationProblem& problem);
-
-/// Whether a strategy is a series over whole segments alone that asks for nodes where it needs some, and has segments
-/// long enough for them.
-[[nodiscard]] bool may_need_nodes(const IdentificationProblem& problem, const std::vector<Stage>& strategy);
-
-/// Why the end of such a strategy may not be the last word: it did not succeed, or leaves more than half of the spread
-/// of a coordinate. Empty: neither.
-[[nodiscard]] std::string need_of_nodes(const StrategyRun& strategy);
 
 }  // namespace orbid::identification

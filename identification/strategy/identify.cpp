@@ -171,7 +171,8 @@ private:
 /// A series over whole segments that is not explained, once more with nodes. @return nothing if that is no better
 std::optional<IdentificationResult> with_nodes(const Identification& whole, const Options& given, Observer& observer) {
     if (observer.stopped() || !may_need_nodes(whole.problem(), whole.options().strategy)) return {};
-    const std::string need = need_of_nodes(whole.strategy());
+    const auto& first = whole.strategy().best;
+    const std::string need = first ? whole_segments_doubt(*first) : "it could not run";
     if (need.empty()) return {};
     observer.remark(fmt::format(
         "the series over whole segments is not explained ({}): once more with nodes, as with \"interval\": \"auto\"",
@@ -182,8 +183,7 @@ std::optional<IdentificationResult> with_nodes(const Identification& whole, cons
     divided.run();
     const auto& best = divided.strategy().best;
     const bool better = best && best->succeeded() &&
-                        (!whole.strategy().best || !whole.strategy().best->succeeded() ||
-                         series_doubt(*divided.problem().system, *best).empty());
+                        (!first || !first->succeeded() || series_doubt(*divided.problem().system, *best).empty());
     if (better) return divided.finish();
     observer.remark("nodes explain it no better: the result is that of whole segments");
     return {};
