@@ -21,6 +21,8 @@ constexpr double least_outside = 0.01;
 constexpr double most_outside = 0.075;
 /// With the others moved linearly the objective is too high (by 0.15 for that tail): accurate enough this close to 1.
 constexpr double linear_margin = 0.1;
+/// Of the points from which the full Hessian is told, in sds of the Gauss-Newton objective.
+constexpr double aside = 0.1;
 /// sd from the full Hessian over the Gauss-Newton one that is still called the same.
 constexpr double most_ratio = 2.0;
 
@@ -66,23 +68,41 @@ double beyond(double x) {
     return 0.5 * std::erfc(x / std::numbers::sqrt2);
 }
 
+/// Directions in which the Gauss-Newton objective is that of independent standard normal variables: columns of D with
+/// D^T C D = 1, shape (free, free). Empty where C is not positive definite.
+Eigen::MatrixXd standard_directions(const Eigen::MatrixXd& curvature) {
+    const Eigen::VectorXd unit = curvature.diagonal().cwiseSqrt().cwiseInverse();
+    const models::CholeskyFactor factor(unit.asDiagonal() * curvature * unit.asDiagonal());
+    if (!factor.positive_definite()) return {};
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(unit.size(), unit.size());
+    factor.solve_lower_in_place(inverse);
+    return unit.asDiagonal() * inverse.transpose();
+}
+
+/// The largest part of `step` from u that stays within the bounds, 0 to 1.
+double part_within(const Problem& problem, const Eigen::VectorXd& u, const Eigen::VectorXd& step) {
+    double part = 1.0;
+    for (Eigen::Index i = 0; i < step.size(); ++i) {
+        if (step[i] == 0.0) continue;
+        const double room = step[i] > 0.0 ? problem.upper[i] - u[i] : problem.lower[i] - u[i];
+        part = std::min(part, std::max(room / step[i], 0.0));
+    }
+    return part;
+}
+
 /// Whether the full Hessian is definite, and by how much its determinant and sds differ from Gauss and Newton's.
-void compare_curvatures(const Eigen::MatrixXd& hessian, const Eigen::MatrixXd& gauss_newton,
+/// @param standard  it in `directions`, where Gauss and Newton's is the unit matrix.
+void compare_curvatures(const Eigen::MatrixXd& standard, const Eigen::MatrixXd& directions,
                         const std::vector<Eigen::Index>& free, FullHessian& result) {
     result.known = true;
-    result.hessian = hessian;
-    const Eigen::VectorXd unit = gauss_newton.diagonal().cwiseSqrt().cwiseInverse();
-    const models::LdltFactor factor(unit.asDiagonal() * hessian * unit.asDiagonal());
-    const models::LdltFactor reference(unit.asDiagonal() * gauss_newton * unit.asDiagonal());
+    const models::LdltFactor factor(standard);
     const auto pivots = factor.pivots();
-    const auto reference_pivots = reference.pivots();
     result.definite = factor.succeeded() && (pivots.array() > 0.0).all();
-    if (!result.definite || !(reference_pivots.array() > 0.0).all()) return;
-    result.ln_determinant = pivots.array().log().sum() - reference_pivots.array().log().sum();
-    const Eigen::MatrixXd inverse = factor.inverse();
-    const Eigen::MatrixXd inverse_reference = reference.inverse();
-    for (Eigen::Index i = 0; i < hessian.cols(); ++i)
-        result.ratio[free[static_cast<std::size_t>(i)]] = std::sqrt(inverse(i, i) / inverse_reference(i, i));
+    if (!result.definite) return;
+    result.ln_determinant = pivots.array().log().sum();
+    const Eigen::MatrixXd inverse = directions * factor.solve(Eigen::MatrixXd(directions.transpose()));
+    for (Eigen::Index i = 0; i < inverse.cols(); ++i)
+        result.ratio[free[static_cast<std::size_t>(i)]] = std::sqrt(inverse(i, i) / directions.row(i).squaredNorm());
 }
 
 }  // namespace
@@ -112,15 +132,20 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
     std::vector<Direction> directions;
     for (std::size_t i = 0; i < units.size(); ++i)
         directions.push_back({units[i], following[i]});
-    Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(count, count);
+    const Eigen::MatrixXd curvature = posterior.reduced_problem().r.transpose() * posterior.reduced_problem().r +
+                                      minimum.prior.rows.transpose() * minimum.prior.rows;
+    const Eigen::MatrixXd standard = standard_directions(curvature(free, free));
+    if (standard.size() == 0) return result;
+    Eigen::MatrixXd hessian(count, count);
     for (Eigen::Index j = 0; j < count; ++j) {
-        const Eigen::Index parameter = free[static_cast<std::size_t>(j)];
-        const double h = 0.1 * std::sqrt(posterior.laplace()(parameter, parameter));
         double length = 0.0;
         Eigen::VectorXd difference = Eigen::VectorXd::Zero(count);
         for (const double sign : {-1.0, 1.0}) {
-            const State beside = moved(problem, set, state, posterior, sign * h * Eigen::VectorXd::Unit(q, parameter));
-            length += std::abs(beside.u[parameter] - state.u[parameter]);
+            Eigen::VectorXd step = Eigen::VectorXd::Zero(q);
+            step(free) = sign * aside * standard.col(j);
+            const double part = part_within(problem, state.u, step);
+            length += aside * part;
+            const State beside = moved(problem, set, state, posterior, part * step);
             const Evaluation evaluation =
                 evaluate(problem.residuals, set, problem.laws, beside.theta, beside.latents, true);
             ++evaluations;
@@ -129,13 +154,11 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
                                               {state.psi, minimum.matching, Curvature::step}, directions);
         }
         if (!(length > 0.0)) return result;
-        hessian.col(j) = difference / length;
+        hessian.col(j) = standard.transpose() * difference / length;
     }
     hessian = 0.5 * (hessian + hessian.transpose()).eval();
-    const Eigen::MatrixXd curvature = posterior.reduced_problem().r.transpose() * posterior.reduced_problem().r +
-                                      minimum.prior.rows.transpose() * minimum.prior.rows;
-    hessian += minimum.prior.second(free, free);
-    compare_curvatures(hessian, curvature(free, free), free, result);
+    hessian += standard.transpose() * minimum.prior.second(free, free) * standard;
+    compare_curvatures(hessian, standard, free, result);
     return result;
 }
 

@@ -11,15 +11,16 @@ namespace orbid::estimator {
 
 /// The objective's own curvature at the estimate, at fixed error parameters, latent states following linearly.
 struct FullHessian {
-    bool known = false;       ///< false: constraints, undetermined directions, or a point beside cannot be evaluated
-    Eigen::MatrixXd hessian;  ///< over the free parameters in u, shape (free, free)
+    bool known = false;  ///< false: constraints, undetermined directions, or a point beside cannot be evaluated
     bool definite = false;
     Eigen::VectorXd ratio;        ///< sd from it over the Gauss-Newton sd, shape (q); nan where not free
     double ln_determinant = 0.0;  ///< ln|hessian| - ln|Gauss-Newton|
 };
 
-/// Central differences of the exact gradient at 0.1 sds to both sides of each parameter: 2 q evaluations with
-/// derivatives. The error is a hundredth of the effect of a fourth derivative over one sd.
+/// Central differences of the exact gradient at 0.1 sds to both sides along directions that are independent by the
+/// Gauss-Newton objective: 2 q evaluations with derivatives. The error is a hundredth of the effect of a fourth
+/// derivative over one sd. Along single parameters a tenth of a sd may be many sds given the others, where chaotic
+/// courses are no longer quadratic.
 [[nodiscard]] FullHessian full_hessian(const Problem& problem, const BlockSet& set, const State& state,
                                        const Minimum& minimum, const Posterior& posterior, int& evaluations);
 

@@ -1,6 +1,8 @@
 // The normal approximation is to be trusted where intervals from it are right: tests of heavy tails are with their
 // reference posteriors (michaelis_menten_test.cpp), of well-behaved posteriors there and here.
 
+#include <cmath>
+
 #include "estimator/estimate/estimate.hpp"
 #include "tests/catch.hpp"
 #include "tests/estimator/interface/function_residual.hpp"
@@ -21,6 +23,35 @@ TEST_CASE("NIST's Thurber is nonlinear but near enough to normal", "[estimator][
     CAPTURE(result.message, result.distrust);
     REQUIRE(result.status == estimator::EstimateStatus::converged);
     CHECK(result.trust_normal);
+}
+
+TEST_CASE("curvature is looked at where correlated parameters can be together", "[estimator]") {
+    // e = (10 sin(a + b), (a - b) / 40): the sum is known to 0.1, each parameter to 20. Along a alone the gradient
+    // turns at a tenth of its sd, where the sum has left everything that readings allow.
+    FunctionResidual residual;
+    estimator::Group one = group("y");
+    one.scale = {false, 1.0, estimator::FlatPrior{}};
+    residual.add_group(one);
+    estimator::BlockLayout layout;
+    layout.label = "block";
+    layout.group = {0, 0};
+    residual.add_block(layout, [](const Eigen::VectorXd& theta, const Eigen::VectorXd&, bool) {
+        const double sum = theta[0] + theta[1];
+        estimator::BlockValue value;
+        value.e = Eigen::Vector2d(10.0 * std::sin(sum), (theta[0] - theta[1]) / 40.0);
+        value.e_theta.resize(2, 2);
+        value.e_theta << 10.0 * std::cos(sum), 10.0 * std::cos(sum), 1.0 / 40.0, -1.0 / 40.0;
+        value.e_z.resize(2, 0);
+        return value;
+    });
+    const auto result = estimator::estimate({free_parameter("a", 0.02), free_parameter("b", 0.01)}, {&residual});
+    CAPTURE(result.message, result.distrust);
+    REQUIRE(result.status == estimator::EstimateStatus::converged);
+    CHECK(result.trust_normal);
+    // Along the sum: 100 sin(s) cos(s) at 0.01 on both sides, over 0.01, beside 100.
+    const double along_sum = std::sin(0.02) / 0.02;
+    for (const double ratio : result.hessian_ratio)
+        CHECK_THAT(ratio, WithinRel(std::sqrt((0.01 / along_sum + 1600.0) / (0.01 + 1600.0)), 1e-9));
 }
 
 }  // namespace orbid::tests::verdict_test
