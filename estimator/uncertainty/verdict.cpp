@@ -4,8 +4,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/algebra/r_factor.hpp"
 #include "estimator/interface/not_finite.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -68,15 +70,18 @@ double beyond(double x) {
     return 0.5 * std::erfc(x / std::numbers::sqrt2);
 }
 
-/// Directions in which the Gauss-Newton objective is that of independent standard normal variables: columns of D with
-/// D^T C D = 1, shape (free, free). Empty where C is not positive definite.
-Eigen::MatrixXd standard_directions(const Eigen::MatrixXd& curvature) {
-    const Eigen::VectorXd unit = curvature.diagonal().cwiseSqrt().cwiseInverse();
-    const models::CholeskyFactor factor(unit.asDiagonal() * curvature * unit.asDiagonal());
-    if (!factor.positive_definite()) return {};
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(unit.size(), unit.size());
-    factor.solve_lower_in_place(inverse);
-    return unit.asDiagonal() * inverse.transpose();
+/// Directions in which the Gauss-Newton objective is that of independent standard normal variables: the inverse of the
+/// R factor of its rows, data and priors, shape (free, free). From the rows themselves, since their squares would lose
+/// what distinguishes directions of very different weight. Empty where a direction has no weight.
+Eigen::MatrixXd standard_directions(const Eigen::MatrixXd& data, const Eigen::MatrixXd& prior) {
+    const Eigen::Index count = data.cols();
+    Eigen::MatrixXd rows(data.rows() + prior.rows(), count);
+    rows << data, prior;
+    const Eigen::MatrixXd r = upper_triangle(rows);
+    if ((r.diagonal().array() == 0.0).any()) return {};
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(count, count);
+    models::solve_upper_in_place(r, inverse);
+    return inverse;
 }
 
 /// The largest part of `step` from u that stays within the bounds, 0 to 1.
@@ -132,9 +137,8 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
     std::vector<Direction> directions;
     for (std::size_t i = 0; i < units.size(); ++i)
         directions.push_back({units[i], following[i]});
-    const Eigen::MatrixXd curvature = posterior.reduced_problem().r.transpose() * posterior.reduced_problem().r +
-                                      minimum.prior.rows.transpose() * minimum.prior.rows;
-    const Eigen::MatrixXd standard = standard_directions(curvature(free, free));
+    const Eigen::MatrixXd standard =
+        standard_directions(posterior.reduced_problem().r(Eigen::all, free), minimum.prior.rows(Eigen::all, free));
     if (standard.size() == 0) return result;
     Eigen::MatrixXd hessian(count, count);
     for (Eigen::Index j = 0; j < count; ++j) {
