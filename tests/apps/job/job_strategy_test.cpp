@@ -160,12 +160,13 @@ TEST_CASE("nodes and matching of a series are read, with what is usual where not
         std::optional<std::size_t> interval;
         Kind kind;
         double sd;
+        bool unless_errors_grow = false;
     };
     const std::vector<Row> rows{
-        // One trajectory per segment, as long as nothing asks for more.
-        {"", std::nullopt, Kind::exact, 0.0},
+        // One trajectory per segment, as long as nothing asks for more and errors do not grow.
+        {"", std::nullopt, Kind::automatic, 0.0, true},
         {R"("matching": "exact", "interval": "segment")", std::nullopt, Kind::exact, 0.0},
-        {R"("matching": "exact")", std::nullopt, Kind::exact, 0.0},
+        {R"("matching": "exact")", std::nullopt, Kind::exact, 0.0, true},
         {R"("interval": "auto")", 0, Kind::automatic, 0.0},
         {R"("interval": 25)", 25, Kind::automatic, 0.0},
         {R"("interval": 1, "matching": "exact")", 1, Kind::exact, 0.0},
@@ -178,6 +179,7 @@ TEST_CASE("nodes and matching of a series are read, with what is usual where not
         CHECK(series.interval == row.interval);
         CHECK(series.matching.kind == row.kind);
         CHECK(series.matching.sd == row.sd);
+        CHECK(series.unless_errors_grow == row.unless_errors_grow);
     }
     CHECK(read_back(samples_job("", R"("strategy": "auto")")).series->interval == std::size_t{0});
     // Sections have no other way; the data of a series are the samples where there are some.
