@@ -246,7 +246,6 @@ CourseRepair repaired_course(const IdentificationProblem& problem, const Estimat
     rough.maximum_iterations = most_steps;
     rough.step_tolerance = 1e-2;
     rough.interrupted = options.interrupted;
-    const RepairLimits each{limits.flow, limits.work / std::max<std::uint64_t>(2 * list.size(), 1)};
     tbb::parallel_for(std::size_t{0}, list.size(), [&](std::size_t i) {
         Crossing& one = list[i];
         const MatrixXd& all = start.nodes[one.place][one.segment];
@@ -255,10 +254,10 @@ CourseRepair repaired_course(const IdentificationProblem& problem, const Estimat
         const Index end = std::min(all.cols(), one.node + 1 + half);
         const SeriesPiece piece{one.place, one.segment, one.first};
         MatrixXd nodes = all.middleCols(one.first, end - one.first);
-        const PieceEstimate same = piece_estimate(problem, setup, near, start, piece, nodes, rough, each);
+        const PieceEstimate same = piece_estimate(problem, setup, near, start, piece, nodes, rough, limits);
         const Index after = end - (one.node + 1);
         nodes.rightCols(after) = (one.signs.asDiagonal() * nodes.rightCols(after)).eval();
-        const PieceEstimate other = piece_estimate(problem, setup, near, start, piece, nodes, rough, each);
+        const PieceEstimate other = piece_estimate(problem, setup, near, start, piece, nodes, rough, limits);
         one.work = same.work + other.work;
         if (other.nodes.size() == 0) return;
         one.gain = same.objective - other.objective;

@@ -24,10 +24,9 @@ struct CourseRepair {
     std::uint64_t work = 0;  ///< of all pieces, see ShootingResidual::work()
 };
 
-/// What the pieces of a course may cost.
+/// What a piece of a course may cost.
 struct RepairLimits {
-    models::FlowOptions flow{};  ///< of their intervals
-    /// Work of all together, which each has an equal share of: what comes of one does not depend on the others.
+    models::FlowOptions flow{};  ///< of its intervals
     std::uint64_t work = std::numeric_limits<std::uint64_t>::max();
 };
 

@@ -176,16 +176,16 @@ SeriesAttempt SeriesAttempts::with_signs_of_start(SeriesAttempt found) {
 
 SeriesAttempt SeriesAttempts::on_better_sides(SeriesAttempt found) {
     constexpr int rounds = 4;
+    constexpr std::uint64_t most_repairs = 3;  // times the work of attempts: a course on wrong sides is nearly right
     for (int round = 0; round < rounds && !search_.signs.empty(); ++round) {
         const bool ended = found.estimate.status == estimator::EstimateStatus::converged ||
                            found.estimate.status == estimator::EstimateStatus::iteration_limit;
         if (!ended || found.start.nodes.empty() || !std::isfinite(found.misfit)) break;
-        if (work_ > most_work_) break;
+        if (repair_work_ / most_repairs > most_work_) break;
         const models::FlowOptions quick_flow{1e-11, 1e-11, most_flow_steps(found.start)};
-        const CourseRepair repair =
-            repaired_course(problem_, setup_, parameters_, search_.signs, found.start, found.estimate, search_.estimate,
-                            {quick_flow, std::min(most_of_one_, most_work_ - work_)});
-        work_ += repair.work;
+        const CourseRepair repair = repaired_course(problem_, setup_, parameters_, search_.signs, found.start,
+                                                    found.estimate, search_.estimate, {quick_flow, most_of_one_ / 8});
+        repair_work_ += repair.work;
         if (repair.changed == 0) break;
         SeriesAttempt other = make("other sides", repair.start);
         const bool better = other.misfit < found.misfit || (other.start.follows && !found.start.follows);

@@ -81,6 +81,7 @@ private:
     bool reached_ = false;  ///< an attempt has come to something
     FollowedRecords followed_;
     static constexpr std::uint64_t any_work = std::numeric_limits<std::uint64_t>::max();
+    std::uint64_t repair_work_ = 0;  ///< apart: a course that only has to change sides is nearly found
     std::uint64_t work_ = 0, most_of_one_ = any_work, most_work_ = any_work;
 };
 

@@ -44,10 +44,10 @@ struct Transition {
                                                   std::size_t count, std::uint64_t seed,
                                                   std::span<const Eigen::MatrixXd> known = {});
 
-/// What a flow among others has cost, in steps of a pack. One that does not come to its end is repeated alone, where a
-/// step takes several times as long.
+/// What a flow among others has cost, in steps. One that does not come to its end is computed twice: in a pack, and
+/// then alone.
 [[nodiscard]] inline std::uint64_t flow_cost(const models::FlowResult& flow) {
-    constexpr std::uint64_t alone = 4;
+    constexpr std::uint64_t alone = 1;
     return flow.steps * (flow.status == models::FlowStatus::ok ? 1 : 1 + alone);
 }
 
