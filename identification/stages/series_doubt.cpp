@@ -123,23 +123,28 @@ std::string doubt_of_links(const orbits::ShootingResidual& series, const estimat
     return {};
 }
 
-/// The error of each group, as a share of the spread of its readings.
-double largest_share_left(const orbits::SeriesResidual& residual, const estimator::Estimate& estimate) {
-    double largest = 0.0;
-    for (std::size_t g = 0; g < residual.groups().size(); ++g) {
-        const std::string& name = residual.groups()[g].name;
-        const auto scale = std::find_if(estimate.scales.begin(), estimate.scales.end(),
-                                        [&](const estimator::EstimatedScale& one) { return one.group == name; });
-        if (scale == estimate.scales.end()) continue;
-        std::vector<double> readings;
-        for (std::size_t b = 0; b < residual.layout().size(); ++b)
-            for (std::size_t i = 0; i < residual.layout()[b].group.size(); ++i)
-                if (residual.layout()[b].group[i] == static_cast<int>(g))
-                    readings.push_back(residual.readings(b)[static_cast<Index>(i)]);
-        const auto all = Eigen::Map<const Eigen::ArrayXd>(readings.data(), std::ssize(readings));
-        const double spread = std::sqrt((all - all.mean()).square().mean());
-        if (spread > 0.0) largest = std::max(largest, scale->rms / spread);
+/// What is left of the readings of each group, as a share of their spread: the largest. Both in the unit of the
+/// readings, whatever the law of their errors.
+double largest_share_left(const orbits::SeriesResidual& residual, const std::vector<estimator::BlockValue>& values) {
+    struct Sums {
+        double count = 0.0, mean = 0.0, spread = 0.0, left = 0.0;
+    };
+    std::vector<Sums> sums(residual.groups().size());
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        const Eigen::VectorXd& readings = residual.readings(b);
+        const std::vector<int>& group = residual.layout()[b].group;
+        for (Index i = 0; i < values[b].e.size(); ++i) {
+            Sums& own = sums[static_cast<std::size_t>(group[static_cast<std::size_t>(i)])];
+            own.count += 1.0;
+            const double off = readings[i] - own.mean;
+            own.mean += off / own.count;
+            own.spread += off * (readings[i] - own.mean);  // Welford's sum
+            own.left += values[b].e[i] * values[b].e[i];
+        }
     }
+    double largest = 0.0;
+    for (const Sums& own : sums)
+        if (own.spread > 0.0) largest = std::max(largest, std::sqrt(own.left / own.spread));
     return largest;
 }
 
@@ -222,8 +227,8 @@ bool may_need_nodes(const IdentificationProblem& problem, const std::vector<Stag
 std::string whole_segments_doubt(const StageRun& run) {
     if (!run.succeeded()) return fmt::format("status {}", status_name(run.estimate.status));
     double left = 0.0;
-    for (const auto& residual : run.residuals.series)
-        left = std::max(left, largest_share_left(*residual, run.estimate));
+    for (std::size_t i = 0; i < run.residuals.series.size(); ++i)
+        left = std::max(left, largest_share_left(*run.residuals.series[i], run.estimate.residuals[i]));
     if (left > most_unexplained) return fmt::format("{:.0f} % of the spread of the readings is left", 100.0 * left);
     return {};
 }
