@@ -113,6 +113,9 @@ public:
         return std::move(result_);
     }
 
+    /// An interruption kept what should have followed from running.
+    void leave_unfinished() { strategy_.unfinished = true; }
+
     [[nodiscard]] const IdentificationProblem& problem() const { return problem_; }
     [[nodiscard]] const Options& options() const { return options_; }
     [[nodiscard]] const StrategyRun& strategy() const { return strategy_; }
@@ -169,7 +172,7 @@ private:
 };
 
 /// A series over whole segments that is not explained, once more with nodes. @return nothing if that is no better
-std::optional<IdentificationResult> with_nodes(const Identification& whole, const Options& given, Observer& observer) {
+std::optional<IdentificationResult> with_nodes(Identification& whole, const Options& given, Observer& observer) {
     if (observer.stopped() || !may_need_nodes(whole.problem(), whole.options().strategy)) return {};
     const auto& first = whole.strategy().best;
     const std::string need = first ? whole_segments_doubt(*first) : "it could not run";
@@ -185,6 +188,10 @@ std::optional<IdentificationResult> with_nodes(const Identification& whole, cons
     const bool better = best && best->succeeded() &&
                         (!first || !first->succeeded() || series_doubt(*divided.problem().system, *best).empty());
     if (better) return divided.finish();
+    if (observer.stopped()) {
+        whole.leave_unfinished();
+        return {};
+    }
     observer.remark("nodes explain it no better: the result is that of whole segments");
     return {};
 }

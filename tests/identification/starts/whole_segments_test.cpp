@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "identification/problem/problem_residuals.hpp"
@@ -102,6 +103,33 @@ TEST_CASE("a series whose errors grow a thousandfold gets nodes where it asks fo
     CHECK(problem.series->interval.has_value() == row.divided);
     CHECK(found.empty() == !row.divided);
     if (row.divided) CHECK_THAT(found, ContainsSubstring("grow 1e+03 times along a segment"));
+}
+
+TEST_CASE("a model that leaves the record unexplained is tried with nodes, unless stopped",
+          "[identification][series]") {
+    /// Keeps what is remarked, and may stop when nodes are to be tried.
+    struct Listener : identification::Observer {
+        bool stops = false;
+        std::string said;
+        [[nodiscard]] bool stopped() const override { return stops && said.find("once more with nodes") != said.npos; }
+        void remark(const std::string& line) override { said += line + "\n"; }
+    };
+    // Decay cannot follow a swing; neither can it with nodes.
+    const auto decay = system_of("-a * x", 1.0);
+    orbits::Series swing = record_of(*decay, {1.0});
+    for (Eigen::Index k = 0; k < swing.segments[0].values.cols(); ++k)
+        swing.segments[0].values(0, k) = std::sin(3.0 * step * static_cast<double>(k));
+    const IdentificationProblem problem = problem_of(decay, std::move(swing), {"a"});
+    Listener listener;
+    listener.stops = GENERATE(false, true);
+    CAPTURE(listener.stops);
+    identification::Options options;
+    options.strategy = {{identification::Stage::Kind::residuals, {identification::ResidualType::series}}};
+    const auto result = identification::identify(problem, options, listener);
+    CAPTURE(result.estimate.message, listener.said);
+    CHECK_THAT(listener.said, ContainsSubstring("% of the spread of the readings is left"));
+    CHECK((listener.said.find("nodes explain it no better") == listener.said.npos) == listener.stops);
+    CHECK((result.estimate.status == estimator::EstimateStatus::interrupted) == listener.stops);
 }
 
 }  // namespace whole_segments_test
