@@ -114,25 +114,43 @@ int wrong_places(const MatrixXd& course, const MatrixXd& nodes) {
     return count;
 }
 
+/// Attempts with the record of the laser, which has two sides.
+struct Search {
+    Laser data = laser();
+    identification::EstimateSetup setup =
+        identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
+    identification::SeriesSearch options = two_sides();
+    identification::SeriesAttempts attempts{data.problem, setup, setup.parameters, options};
+
+    [[nodiscard]] identification::CourseRepair repaired(const identification::SeriesAttempt& one,
+                                                        const identification::RepairLimits& limits = {}) const {
+        return identification::repaired_course(data.problem, setup, setup.parameters, options.signs, one.start,
+                                               one.estimate, options.estimate, limits);
+    }
+
+private:
+    static identification::SeriesSearch two_sides() {
+        identification::SeriesSearch search;
+        search.signs = {{"x", "y"}};
+        return search;
+    }
+};
+
 }  // namespace
 
 TEST_CASE("a course on the wrong side of a symmetry is repaired", "[identification][series]") {
-    const Laser data = laser();
-    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
-    identification::SeriesSearch search;
-    search.signs = {{"x", "y"}};
-    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, search);
-    const identification::SeriesAttempt right = attempts.make("truth", start_on(data.course));
+    Search on;
+    const identification::SeriesAttempt right = on.attempts.make("truth", start_on(on.data.course));
     REQUIRE(right.start.follows);
     for (const int places : {1, 2}) {
         CAPTURE(places);
-        const identification::SeriesAttempt wrong = attempts.make("wrong", on_wrong_sides(data.course, places));
+        const identification::SeriesAttempt wrong = on.attempts.make("wrong", on_wrong_sides(on.data.course, places));
         // No minimisation gets to the other side.
-        REQUIRE(wrong_places(data.course, wrong.start.nodes[0][0]) == places);
+        REQUIRE(wrong_places(on.data.course, wrong.start.nodes[0][0]) == places);
         CHECK(wrong.misfit > right.misfit + 0.1);
-        const identification::SeriesAttempt mended = attempts.on_better_sides(wrong);
+        const identification::SeriesAttempt mended = on.attempts.on_better_sides(wrong);
         CHECK(mended.start.follows);
-        CHECK(wrong_places(data.course, mended.start.nodes[0][0]) == 0);
+        CHECK(wrong_places(on.data.course, mended.start.nodes[0][0]) == 0);
         const std::array<double, 3> truth{10.0, 28.0, 8.0 / 3.0};
         for (std::size_t i = 0; i < truth.size(); ++i) {
             const estimator::Estimated& one = mended.estimate.parameters[i];
@@ -145,43 +163,35 @@ TEST_CASE("a course on the wrong side of a symmetry is repaired", "[identificati
 }
 
 TEST_CASE("a right course is left as it is", "[identification][series]") {
-    const Laser data = laser();
-    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
-    identification::SeriesSearch search;
-    search.signs = {{"x", "y"}};
-    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, search);
-    const identification::SeriesAttempt right = attempts.make("truth", start_on(data.course));
-    const auto repair = identification::repaired_course(data.problem, setup, setup.parameters, search.signs,
-                                                        right.start, right.estimate, search.estimate);
+    Search on;
+    const identification::SeriesAttempt right = on.attempts.make("truth", start_on(on.data.course));
+    const auto repair = on.repaired(right);
     CHECK(repair.changed == 0);
     CHECK((repair.start.nodes[0][0] - right.start.nodes[0][0]).norm() == 0.0);
 }
 
 TEST_CASE("pieces of a course end where they would cost too much", "[identification][series]") {
-    const Laser data = laser();
-    const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
-    identification::SeriesSearch search;
-    search.signs = {{"x", "y"}};
-    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, search);
-    const identification::SeriesAttempt wrong = attempts.make("wrong", on_wrong_sides(data.course, 1));
-    const auto repair = [&](const identification::RepairLimits& limits) {
-        return identification::repaired_course(data.problem, setup, setup.parameters, search.signs, wrong.start,
-                                               wrong.estimate, search.estimate, limits);
-    };
-    const auto any = repair({});
+    Search on;
+    const identification::SeriesAttempt wrong = on.attempts.make("wrong", on_wrong_sides(on.data.course, 1));
+    const auto any = on.repaired(wrong);
     REQUIRE(any.changed == 1);
     CHECK(any.work > 1000);
     // Every piece ends at its first look: what that costs is still more than half of all.
-    const auto scarce = repair({.work = 1});
+    const auto scarce = on.repaired(wrong, {.work = 1});
     CHECK(scarce.changed == 0);
     CHECK(scarce.work < any.work);
     CHECK((scarce.start.nodes[0][0] - wrong.start.nodes[0][0]).norm() == 0.0);
     // A flow that may take one step alone comes nowhere.
-    CHECK(repair({.flow = {1e-11, 1e-11, 1}}).changed == 0);
+    CHECK(on.repaired(wrong, {.flow = {1e-11, 1e-11, 1}}).changed == 0);
     // The limit of an attempt is that of pieces, too: an eighth of it.
-    attempts.limit(8, any.work);
-    const auto kept = attempts.on_better_sides(wrong);
-    CHECK((kept.start.nodes[0][0] - wrong.start.nodes[0][0]).norm() == 0.0);
+    std::string said;
+    on.options.log = [&](const std::string& line) { said += line; };
+    on.attempts.limit(8, any.work);
+    (void)on.attempts.on_better_sides(wrong);
+    CHECK(said.empty());
+    on.attempts.limit(1000 * any.work, 1000 * any.work);
+    (void)on.attempts.on_better_sides(wrong);
+    CHECK_THAT(said, ContainsSubstring("the other side suits 1 places better"));
 }
 
 TEST_CASE("attempts at the same parameters follow the record once", "[identification][series]") {
