@@ -47,8 +47,7 @@ struct Transition {
 /// What a flow among others has cost, in steps. One that does not come to its end is computed twice: in a pack, and
 /// then alone.
 [[nodiscard]] inline std::uint64_t flow_cost(const models::FlowResult& flow) {
-    constexpr std::uint64_t alone = 1;
-    return flow.steps * (flow.status == models::FlowStatus::ok ? 1 : 1 + alone);
+    return flow.status == models::FlowStatus::ok ? flow.steps : 2 * flow.steps;
 }
 
 /// The error of a predicted transition: to - Phi(from), angles wrapped, and derivatives of Phi.

@@ -154,8 +154,7 @@ const FieldTable<SeriesResidualJob>& series_fields() {
             experiments_field<Series>(),
             Field<Series>{key("interval", choice({"auto", "segment"}) | whole(1, longest_interval),
                               "Samples or sections from node to node; \"segment\": one initial state per segment, the "
-                              "default for samples "
-                              "unless errors grow along them."),
+                              "default for samples unless errors grow along them."),
                           read_interval, interval_document}
                 .written_after("matching"),
             {key("matching", matching, "How well the end of one interval meets the beginning of the next.")
