@@ -12,7 +12,6 @@
 #include <Eigen/LU>
 
 #include "estimator/sampling/chain_diagnostic.hpp"
-#include "estimator/sampling/dual_averaging.hpp"
 #include "estimator/sampling/unbounded_coordinate.hpp"
 #include "tests/catch.hpp"
 
@@ -149,105 +148,6 @@ TEST_CASE("leapfrog is reversible, keeps volume and loses energy in second order
         jacobian.col(i) =
             (flow(s + 1e-5 * Eigen::Vector4d::Unit(i)) - flow(s - 1e-5 * Eigen::Vector4d::Unit(i))) / 2e-5;
     CHECK_THAT(jacobian.determinant(), WithinAbs(1.0, 1e-8));
-}
-
-TEST_CASE("dual averaging of a constant acceptance has its closed form", "[estimator]") {
-    // H_m = d m / (m + 10) for a constant difference d, so ln step_m = ln(10 step_0) - 20 d m^1.5 / (m + 10).
-    estimator::DualAveraging averaging(0.2, 0.8);
-    CHECK_THAT(averaging.step(), WithinRel(0.2, 1e-15));
-    CHECK_THAT(averaging.averaged(), WithinRel(0.2, 1e-15));
-    double ln_averaged = 0.0;
-    for (int m = 1; m <= 30; ++m) {
-        averaging.observe(0.7);
-        const double ln_step = std::log(2.0) - 20.0 * 0.1 * std::pow(m, 1.5) / (m + 10.0);
-        REQUIRE_THAT(std::log(averaging.step()), WithinAbs(ln_step, 1e-13));
-        const double share = std::pow(m, -0.75);
-        ln_averaged = share * ln_step + (1.0 - share) * ln_averaged;
-        REQUIRE_THAT(std::log(averaging.averaged()), WithinAbs(ln_averaged, 1e-13));
-    }
-    averaging.restart(0.2);
-    CHECK_THAT(averaging.averaged(), WithinRel(0.2, 1e-15));
-}
-
-TEST_CASE("dual averaging finds the step of a known acceptance", "[estimator]") {
-    for (const double first : {1e-3, 1.0, 100.0}) {
-        CAPTURE(first);
-        estimator::DualAveraging averaging(first, 0.8);
-        for (int m = 0; m < 3000; ++m)
-            averaging.observe(std::exp(-averaging.step()));
-        // The weights m^-0.75 forget slowly: measured within 1 % after 3000.
-        CHECK_THAT(averaging.averaged(), WithinRel(-std::log(0.8), 0.1));
-    }
-}
-
-TEST_CASE("windows of the warm-up", "[estimator]") {
-    CHECK(estimator::warm_up_plan(1000).updates == std::vector<int>{100, 150, 250, 450, 950});
-    CHECK(estimator::warm_up_plan(1000).skipped == 75);
-    CHECK(estimator::warm_up_plan(500).updates == std::vector<int>{100, 150, 250, 450});
-    CHECK(estimator::warm_up_plan(150).updates == std::vector<int>{100});
-    CHECK(estimator::warm_up_plan(100).updates == std::vector<int>{90});
-    CHECK(estimator::warm_up_plan(100).skipped == 15);
-    CHECK(estimator::warm_up_plan(19).updates.empty());
-    for (int n = 20; n < 3000; ++n) {
-        const auto plan = estimator::warm_up_plan(n);
-        REQUIRE_FALSE(plan.updates.empty());
-        int before = plan.skipped;
-        for (const int at : plan.updates) {
-            REQUIRE(at - before >= 2);
-            before = at;
-        }
-        REQUIRE(before <= n);
-        REQUIRE(before >= n - 50);
-    }
-}
-
-TEST_CASE("a renewed metric is the weighted mean of window and old metric", "[estimator]") {
-    Eigen::MatrixXd window(2, 3);
-    window << 1.0, 2.0, 3.0, 0.0, 3.0, 0.0;
-    Eigen::MatrixXd covariance(2, 2);
-    covariance << 1.0, 0.0, 0.0, 3.0;
-    const Eigen::MatrixXd old = 2.0 * Eigen::MatrixXd::Identity(2, 2);
-    CHECK((estimator::renewed_metric(window, old) - (3.0 * covariance + 7.0 * old) / 10.0).norm() < 1e-15);
-}
-
-TEST_CASE("unbounded coordinates: round trips and log-Jacobians", "[estimator]") {
-    const auto check = [](const estimator::UnboundedCoordinate& coordinate, double v) {
-        CAPTURE(coordinate.lower, coordinate.upper, v);
-        const double u = coordinate.bounded(v);
-        CHECK(u > coordinate.lower);
-        CHECK(u < coordinate.upper);
-        // The distance from a limit of size one keeps 1e-16 / e^-5 of its digits.
-        CHECK_THAT(coordinate.at(u), WithinAbs(v, 1e-12));
-        // Central differences of step 1e-4 have an error below 1e-8 of the third derivative.
-        const double h = 1e-4;
-        CHECK_THAT(coordinate.slope(v),
-                   WithinRel((coordinate.bounded(v + h) - coordinate.bounded(v - h)) / (2.0 * h), 1e-7));
-        CHECK_THAT(std::log(coordinate.slope(v)), WithinAbs(coordinate.ln_slope(v), 1e-13));
-        CHECK_THAT(coordinate.ln_slope_first(v),
-                   WithinAbs((coordinate.ln_slope(v + h) - coordinate.ln_slope(v - h)) / (2.0 * h), 1e-8));
-        CHECK_THAT(coordinate.ln_slope_second(v),
-                   WithinAbs((coordinate.ln_slope_first(v + h) - coordinate.ln_slope_first(v - h)) / (2.0 * h), 1e-8));
-    };
-    for (const double v : {-5.0, -1.0, 0.0, 0.5, 5.0})
-        for (const auto& coordinate :
-             {estimator::UnboundedCoordinate{}, estimator::UnboundedCoordinate{1.0, infinity},
-              estimator::UnboundedCoordinate{1.0, infinity, 0.3}, estimator::UnboundedCoordinate{-infinity, -2.0, 2.0},
-              estimator::UnboundedCoordinate{-1.0, 3.0}})
-            check(coordinate, v);
-    // Closed forms: the middle of an interval, ln 2 inside a limit, and linear far from it.
-    CHECK(estimator::UnboundedCoordinate{-1.0, 3.0}.bounded(0.0) == 1.0);
-    CHECK(estimator::UnboundedCoordinate{-1.0, 3.0}.slope(0.0) == 1.0);
-    CHECK_THAT(estimator::UnboundedCoordinate({1.0, infinity, 3.0}).bounded(0.0),
-               WithinRel(1.0 + 3.0 * std::numbers::ln2, 1e-15));
-    CHECK_THAT(estimator::UnboundedCoordinate({-infinity, -2.0, 3.0}).bounded(0.0),
-               WithinRel(-2.0 - 3.0 * std::numbers::ln2, 1e-15));
-    CHECK(estimator::UnboundedCoordinate{1.0, infinity, 3.0}.bounded(800.0) == 2401.0);
-    CHECK(estimator::UnboundedCoordinate{1.0, infinity, 3.0}.at(2401.0) == 800.0);
-    // The logistic density integrates to the width: du/dv over all v, by the trapezoidal rule (exact to rounding here).
-    double width = 0.0;
-    for (int i = -4000; i <= 4000; ++i)
-        width += 0.01 * estimator::UnboundedCoordinate{-1.0, 3.0}.slope(0.01 * i);
-    CHECK_THAT(width, WithinRel(4.0, 1e-12));
 }
 
 TEST_CASE("a correlated normal in ten dimensions, from a right and from a wrong metric", "[estimator]") {
