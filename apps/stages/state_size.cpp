@@ -33,6 +33,7 @@ double state_size(const Job& job, std::span<const Experiment> data) {
     if (job.periodic)
         for (const OrbitStart& orbit : job.periodic->orbits)
             take(orbit.points.reshaped(), largest);
+    if (job.section_plane) take(Eigen::VectorXd::Constant(1, job.section_plane->value), largest);
     for (const Experiment& experiment : data) {
         const orbits::Series& series = experiment.series;
         for (std::size_t i = 0; i < series.coordinates.size(); ++i) {

@@ -203,7 +203,7 @@ Correction OrbitCurve::corrected(const VectorXd& guess, const VectorXd& directio
         result.status = OrbitStatus::no_progress;
 
         border.columns.leftCols(own) << closing.by_ln_time, closing.parameters * setting_->range;
-        const CyclicSystem matrix(closing.jacobians, border);
+        const CyclicSystem matrix(closing.jacobians, border, scale_);
         // The tangent belongs to the same matrix as the step.
         MatrixXd right = step_and_tangent(*this, closing, rows, y, guess);
         if (locked != nullptr) right.col(0).head(inner) += result.unfolding * border.columns.col(own);
@@ -248,7 +248,7 @@ MatrixXd OrbitCurve::moves_across(const CurvePoint& point, std::span<const Index
     MatrixXd right = MatrixXd::Zero(size(), f + 1);
     right.topLeftCorner(inner, f) = closing.parameters.leftCols(f);
     right(size() - 1, f) = 1.0;
-    MatrixXd moves = CyclicSystem(closing.jacobians, border).solve(right);
+    MatrixXd moves = CyclicSystem(closing.jacobians, border, scale_).solve(right);
     moves.bottomRows(1) *= setting_->range;
     moves.col(f) /= norm(moves.col(f));
     return moves;
@@ -271,7 +271,7 @@ VectorXd OrbitCurve::crossing_direction(const CurvePoint& point) const {
     const MatrixXd rows = rows_across({point.tangent});
     std::vector<MatrixXd> factors = point.jacobians;
     factors.front() *= 1.0 + offset;
-    const CyclicSystem matrix(factors, {point.columns, rows.leftCols(inner), rows.rightCols(size() - inner)});
+    const CyclicSystem matrix(factors, {point.columns, rows.leftCols(inner), rows.rightCols(size() - inner)}, scale_);
     VectorXd v = matrix.null_vector();
     v(v.size() - 1) *= setting_->range;
     v -= product(v, point.tangent) * point.tangent;

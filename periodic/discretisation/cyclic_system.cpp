@@ -25,6 +25,10 @@ struct PivotRange {
     }
 };
 
+double power_of_two(double value) {
+    return std::exp2(std::floor(std::log2(value)));
+}
+
 void validate_blocks(const std::vector<MatrixXd>& factors, const CyclicSystem::Border& border) {
     if (factors.empty()) throw std::invalid_argument("CyclicSystem: no factors, at least one is needed");
     const Index n = factors.front().rows(), p = static_cast<Index>(factors.size()), k = border.rows.rows();
@@ -48,10 +52,40 @@ MatrixXd outer_columns(const std::vector<MatrixXd>& factors, const CyclicSystem:
 
 }  // namespace
 
-CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) : CyclicSystem(factors, Border{}) {}
+CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors) {
+    validate_blocks(factors, {});
+    factorise(factors, {});
+}
 
-CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border) {
+CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border, const VectorXd& scale) {
     validate_blocks(factors, border);
+    const Index n = factors.front().rows();
+    unit_ = VectorXd::Ones(n);
+    if (scale.size() > 0) {
+        if (scale.size() != n || !(scale.minCoeff() > 0.0) || !scale.allFinite())
+            throw std::invalid_argument("CyclicSystem: the scale must hold one finite value > 0 per coordinate");
+        unit_ = scale.unaryExpr(&power_of_two);
+    }
+    std::vector<MatrixXd> own = factors;
+    for (MatrixXd& factor : own)
+        factor = unit_.cwiseInverse().asDiagonal() * factor * unit_.asDiagonal();
+    Border beside = border;
+    for (Index j = 0; n * j < beside.columns.rows(); ++j)
+        beside.columns.middleRows(n * j, n).array().colwise() /= unit_.array();
+    for (Index j = 0; n * j < beside.rows.cols(); ++j)
+        beside.rows.middleCols(n * j, n).array().rowwise() *= unit_.transpose().array();
+    row_unit_ = VectorXd::Ones(border.rows.rows());
+    for (Index i = 0; i < row_unit_.size(); ++i) {
+        const double largest =
+            std::max(beside.rows.row(i).cwiseAbs().maxCoeff(), beside.corner.row(i).cwiseAbs().maxCoeff());
+        if (largest > 0.0 && std::isfinite(largest)) row_unit_(i) = power_of_two(largest);
+    }
+    beside.rows.array().colwise() /= row_unit_.array();
+    beside.corner.array().colwise() /= row_unit_.array();
+    factorise(own, beside);
+}
+
+void CyclicSystem::factorise(const std::vector<MatrixXd>& factors, const Border& border) {
     n_ = factors.front().rows();
     p_ = static_cast<Index>(factors.size());
     k_ = border.rows.rows();
@@ -108,6 +142,18 @@ CyclicSystem::CyclicSystem(const std::vector<MatrixXd>& factors, const Border& b
 }
 
 MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
+    if (unit_.size() == 0) return solve_scaled(b);
+    MatrixXd right = b;
+    right.bottomRows(k_).array().colwise() /= row_unit_.array();
+    for (Index j = 0; j < p_; ++j)
+        right.middleRows(n_ * j, n_).array().colwise() /= unit_.array();
+    MatrixXd d = solve_scaled(right);
+    for (Index j = 0; j < p_; ++j)
+        d.middleRows(n_ * j, n_).array().colwise() *= unit_.array();
+    return d;
+}
+
+MatrixXd CyclicSystem::solve_scaled(const MatrixXd& b) const {
     assert(b.rows() == n_ * p_ + k_);
     // ColPivHouseholderQR::solve() leaves pivots at rounding level out: inverse iteration lives on them.
     const auto solved = [&](MatrixXd right) {
@@ -153,7 +199,9 @@ VectorXd CyclicSystem::null_vector() const {
     for (Index i = 0; i < v.size(); ++i)
         v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure
     for (int step = 0; step < steps; ++step)
-        v = solve(v).col(0).stableNormalized();
+        v = solve_scaled(v).col(0).stableNormalized();
+    for (Index j = 0; unit_.size() > 0 && j < p_; ++j)
+        v.segment(n_ * j, n_).array() *= unit_.array();
     return v;
 }
 

@@ -34,15 +34,17 @@ public:
     /// @throws std::invalid_argument on an empty list, or factors that are not square and of one size.
     explicit CyclicSystem(const std::vector<MatrixXd>& factors);
 
-    /// The border beside and below the cyclic matrix. Its rows and columns should be of size one beside the factors:
-    /// singular() compares with them.
+    /// The border beside and below the cyclic matrix. The columns should be about as large as the changes of the states
+    /// that matter: singular() compares with them. Rows may have any size.
     struct Border {
         MatrixXd columns;  ///< G, shape (n p, k)
         MatrixXd rows;     ///< R, shape (k, n p); or (k, n): conditions on d_0 alone
         MatrixXd corner;   ///< S, shape (k, k)
     };
-    /// @throws std::invalid_argument also on a border whose shape does not fit the factors.
-    CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border);
+    /// @param scale  typical size of each entry of d_j, shape (n), > 0; empty: 1. The matrix is factorised in powers of
+    /// two of it: units of coordinates decide neither pivots nor singular().
+    /// @throws std::invalid_argument also on a border or a scale whose shape does not fit the factors.
+    CyclicSystem(const std::vector<MatrixXd>& factors, const Border& border, const VectorXd& scale = {});
 
     /// The matrix is singular to working precision: its R factor has a diagonal element below 1e-14 of the largest.
     /// (Rounding of a QR is a few n p eps; a solution above that still has correct digits.)
@@ -52,8 +54,8 @@ public:
     /// @return d, and tau below it, in the same shape and order. Not finite when singular.
     [[nodiscard]] MatrixXd solve(const MatrixXd& b) const;
 
-    /// The vector that a matrix singular but for a small offset takes next to zero, of norm one: three steps of inverse
-    /// iteration. The same every time.
+    /// The vector that a matrix singular but for a small offset takes next to zero, of norm one in
+    /// units of the scale: three steps of inverse iteration. The same every time.
     [[nodiscard]] VectorXd null_vector() const;
 
 private:
@@ -64,9 +66,14 @@ private:
         MatrixXd off_rows;             ///< times the upper rows, taken off the border's, shape (k, n)
     };
 
+    void factorise(const std::vector<MatrixXd>& factors, const Border& border);
+    [[nodiscard]] MatrixXd solve_scaled(const MatrixXd& b) const;
+
     Index n_ = 0;
     Index p_ = 0;
     Index k_ = 0;                            ///< width of the border
+    VectorXd unit_;                          ///< of every d_j, shape (n): powers of two; empty: 1
+    VectorXd row_unit_;                      ///< of every row of the border, shape (k)
     std::vector<Elimination> eliminations_;  ///< of d_1 .. d_{p-2}
     models::PivotedFactor last_;
     bool singular_ = false;

@@ -38,18 +38,13 @@ double ln_growth(const MatrixXd& x) {
     return smallest > 1e-15 * largest ? std::log(largest / smallest) : std::max(std::log(largest), 0.0);
 }
 
-double time_scale(const models::System& system, const VectorXd& theta, const VectorXd& x) {
-    const VectorXd f = system.rhs(x, std::vector<double>{0.0}, theta);
-    return std::max(x.norm(), system.state_size()) / std::max(f.norm(), 1e-6 * system.state_size());
-}
-
 /// A crossing within this fraction of the next return is the start itself, which rounding has put before the plane.
 constexpr double at_start = 1e-9;
 
 /// The first crossing of a plane by the motion from a state; a state on the plane does not cross it at once.
 models::CrossingResult next_crossing(const models::System& system, const VectorXd& theta, const VectorXd& x,
                                      const models::Section& plane, const models::FlowOptions& options) {
-    const double longest = longest_return * time_scale(system, theta, x);
+    const double longest = longest_return * motion_time(system, theta, x);
     models::CrossingResult first = system.crossings(x, plane, 1, longest, theta, std::nullopt, options);
     const bool before = plane.direction * (plane.normal.dot(x) - plane.offset) < 0.0;
     if (!before || first.status != models::FlowStatus::ok || first.times.size() == 0) return first;
@@ -66,7 +61,7 @@ void find_segments_between_crossings(const models::System& system, const VectorX
         const VectorXd x = mesh.nodes.col(j);
         const auto crossing = next_crossing(system, theta, x, *start.section, options);
         if (crossing.status != models::FlowStatus::ok || crossing.times.size() == 0) {
-            mesh.time = time_scale(system, theta, x);
+            mesh.time = motion_time(system, theta, x);
             return;
         }
         mesh.segments[static_cast<std::size_t>(j)].duration = crossing.times(0);
@@ -110,6 +105,16 @@ bool is_point(const ShootingMesh& mesh, std::size_t node) {
 }
 
 }  // namespace
+
+double motion_time(const models::System& system, const VectorXd& theta, const VectorXd& x) {
+    const std::vector<double> phase{0.0};
+    constexpr double slowest = 1e-6;
+    const double rate = system.rhs(x, phase, theta).norm();
+    const double rate_of_errors = system.rhs_derivatives(x, phase, theta, {}).norm();
+    const double size = std::max(x.norm(), system.state_size());
+    const double time = size / std::max(rate, slowest * rate_of_errors * size);
+    return std::isfinite(time) && time > 0.0 ? time : 1.0;
+}
 
 std::vector<double> ShootingMesh::begins() const {
     std::vector<double> result;

@@ -46,6 +46,9 @@ struct ShootingMesh {
     [[nodiscard]] std::vector<double> begins() const;
 };
 
+/// |x| / |f|, a time of the motion at a state of an autonomous flow [s]. Near an equilibrium at most 1e6 / |df/dx|.
+[[nodiscard]] double motion_time(const models::System& system, const Eigen::VectorXd& theta, const Eigen::VectorXd& x);
+
 /// The mesh through the points themselves, one segment from each to the next. Segments of autonomous flows last as long
 /// as the return to the section.
 /// @throws std::invalid_argument on wrong shapes, nan, time <= 0, or a start that does not fit the kind of model.

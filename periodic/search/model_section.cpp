@@ -6,6 +6,7 @@
 
 #include "models/arithmetic/median.hpp"
 #include "models/arithmetic/splitmix64.hpp"
+#include "periodic/orbit/shooting_mesh.hpp"
 #include "periodic/orbit/winding_number.hpp"
 #include "periodic/search/section_cell.hpp"
 
@@ -131,19 +132,17 @@ double longest_return(const models::System& system, const VectorXd& theta,
                       const models::FlowOptions& flow) {
     if (system.kind() != models::Kind::autonomous) return 1.0;
     constexpr std::size_t tried = 8;
-    const double size = system.state_size();
-    std::vector<double> returns;
+    std::vector<double> returns, times;
     const MatrixXd starts = random_states(unit_range(system), seed, 0, tried);
     for (Index k = 0; k < starts.cols(); ++k) {
         const VectorXd x = starts.col(k);
-        const VectorXd f = system.rhs(x, std::vector<double>{0.0}, theta);
-        // |x| / |f| is a time of the motion; a thousand of them hold several returns, where there are any.
-        const double longest = 1e3 * std::max(x.norm(), size) / std::max(f.norm(), 1e-3 * size);
-        const auto found = system.crossings(x, *section, 8, longest, theta, std::nullopt, flow);
+        // A thousand of them hold several returns, where there are any.
+        times.push_back(1e3 * motion_time(system, theta, x));
+        const auto found = system.crossings(x, *section, 8, times.back(), theta, std::nullopt, flow);
         for (Index j = 1; j < found.times.size(); ++j)
             returns.push_back(found.times(j) - found.times(j - 1));
     }
-    if (returns.empty()) return 1e3;
+    if (returns.empty()) return models::upper_median(std::move(times));
     return 100.0 * models::upper_median(std::move(returns));
 }
 

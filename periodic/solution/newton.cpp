@@ -77,8 +77,8 @@ struct Move {
 };
 
 /// The iteration's matrix, factorised.
-CyclicSystem linearised(const ClosingError& closing, const Gap& gap) {
-    return {closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time}};
+CyclicSystem linearised(const ClosingError& closing, const Gap& gap, const VectorXd& scale) {
+    return {closing.jacobians, {closing.by_ln_time, gap.by_nodes, gap.by_ln_time}, scale};
 }
 
 Move solved(const CyclicSystem& matrix, const MatrixXd& error, const VectorXd& gap) {
@@ -167,7 +167,7 @@ NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, d
     result.status = OrbitStatus::iteration_limit;
     double last_size = std::numeric_limits<double>::infinity();
     for (result.iterations = 0; result.iterations < options.maximum_iterations; ++result.iterations) {
-        const CyclicSystem matrix = linearised(now.closing, now.gap);
+        const CyclicSystem matrix = linearised(now.closing, now.gap, scale);
         if (matrix.singular()) {
             result.status = OrbitStatus::singular;
             return result;
@@ -205,7 +205,7 @@ MatrixXd node_sensitivities(const DiscreteEquations& equations, const ClosingErr
     const Gap gap = gap_at(equations, nodes, time, free);
     MatrixXd right(closing.parameters.rows() + gap.value.size(), closing.parameters.cols());
     right << closing.parameters, -gap.by_parameters;
-    return linearised(closing, gap).solve(right);
+    return linearised(closing, gap, equations.scale).solve(right);
 }
 
 }  // namespace orbid::periodic

@@ -5,8 +5,8 @@
 
 States that become NaN, infinite or denormal, flows that blow up, equations that jump at a node, problems that are
 singular or fitted exactly: exit code and words of the outcome. The same systems with states of 2^-300 to 2^300 units,
-and with all times so scaled: the same estimates and
-sds, to 2e-6 sds.
+and with all times so scaled: the same estimates and sds, to 2e-6 sds. The same periodic orbits by three methods and by
+a search: points, times and multipliers to 1e-9 of themselves.
 """
 
 import json
@@ -65,18 +65,36 @@ OUTCOMES = {
 }
 
 
+SCALE = 1.0 / 32.0
+
+
+def lorenz(u, t):
+    """Lorenz's equations with states of u and times of t units; all parameters keep their values."""
+    return {"equations": {"x": "sigma * (y - x) / t", "y": f"(rho * x - x * z / u / {SCALE} - y) / t",
+                          "z": f"(x * y / u / {SCALE} - beta * z) / t"},
+            "parameters": {"sigma": 10.0, "rho": 28.0, "beta": 8.0 / 3.0, "u": u, "t": t}}
+
+
 def scaled(exponent, clock):
-    """Lorenz's equations with states of 2^exponent and times of 2^clock units; all parameters keep their values."""
+    """A series, with states of 2^exponent and times of 2^clock units."""
     u, t = math.ldexp(1.0, exponent), math.ldexp(1.0, clock)
     simulated = {"samples": {"step": 0.02 * t, "count": 250}, "initial": [[0.03 * u, 0.05 * u, 0.6 * u]],
                  "transient": 500, "noise": {name: 0.002 * u for name in "xyz"}}
-    scale = 1.0 / 32.0
-    return {"model": {"equations": {"x": "sigma * (y - x) / t", "y": f"(rho * x - x * z / u / {scale} - y) / t",
-                                    "z": f"(x * y / u / {scale} - beta * z) / t"},
-                      "parameters": {"sigma": 10.0, "rho": 28.0, "beta": 8.0 / 3.0, "u": u, "t": t}},
-            "seed": 1, "data": {"simulate": simulated}, "output": {"series": "none"},
+    return {"model": lorenz(u, t), "seed": 1, "data": {"simulate": simulated}, "output": {"series": "none"},
             "estimate": {"parameters": {"sigma": {"start": 8.0}, "rho": {"start": 25.0}, "beta": {"start": 3.0}},
                          "residuals": [{"type": "series"}]}}
+
+
+METHODS = {"multiple_shooting": {"search": {"periods": [1, 2, 3], "points": 2048}},
+           "finite_difference": {"stability": False}, "collocation": {"stability": False}}
+
+
+def scaled_orbits(exponent, clock, method):
+    """The orbit once around each wing, in such units, and with shooting a search for others."""
+    u, t = math.ldexp(SCALE, exponent), math.ldexp(1.0, clock)
+    points = [[-13.7 * u, -19.5 * u, 27.0 * u], [13.7 * u, 19.5 * u, 27.0 * u]]
+    return {"model": lorenz(u / SCALE, t), "seed": 1, "section": {"coordinate": "z", "value": 27.0 * u, "direction": 1},
+            "periodic": {"method": method, "orbits": [{"period": 2, "points": points}], **METHODS[method]}}
 
 
 def run(program, folder, name, document):
@@ -85,12 +103,27 @@ def run(program, folder, name, document):
     command = ["bash", "-c", f"ulimit -t {LONGEST}; exec \"$@\"", "run", program, "run", str(file), "--out",
                str(folder / name), "--threads", "1", "--quiet"]
     done = subprocess.run(command, capture_output=True, text=True)
-    result = folder / name / "result.json"
+    result = folder / name / ("orbits.json" if "periodic" in document else "result.json")
     return done.returncode, done.stdout + done.stderr, json.loads(result.read_text()) if result.exists() else None
 
 
 def estimates(result):
     return {name: (one["value"], one["sd"]) for name, one in result["parameters"].items()}
+
+
+def orbits(result, exponent, clock):
+    """Period, time, first point and multipliers of all orbits, in units of one."""
+    return [[one["period"], math.ldexp(one["time"], -clock), *(math.ldexp(x, -exponent) for x in one["points"][0]),
+             *(part for number in one["multipliers"] or [] for part in number)] for one in result["cycles"]
+            if one["status"] == "converged"]
+
+
+def farthest(found, base):
+    """The largest difference of two lists of orbits; multipliers below 1e-6 are rounding."""
+    if [len(one) for one in found] != [len(one) for one in base]:
+        return math.inf
+    return max((abs(a - b) / max(abs(b), 1e-6) for one, other in zip(found, base) for a, b in zip(one, other)),
+               default=math.inf)
 
 
 def main():
@@ -109,6 +142,9 @@ def main():
         answers = {name: pool.submit(run, program, folder, name.replace(" ", "_"), case[0])
                    for name, case in OUTCOMES.items()}
         same = {key: pool.submit(run, program, folder, f"units_{key[0]}_{key[1]}", scaled(*key)) for key in units}
+        moving = {(key, method): pool.submit(run, program, folder, f"orbits_{key[0]}_{key[1]}_{method}",
+                                             scaled_orbits(*key, method))
+                  for key in units + [(0, 60)] for method in METHODS}
         for name, (_, codes, words) in OUTCOMES.items():
             code, said, result = answers[name].result()
             ending = f"{code}, {result['status'] if result else said.strip()[:300]}"
@@ -122,7 +158,16 @@ def main():
             found = estimates(result)
             off = max(max(abs(found[p][0] - base[p][0]), abs(found[p][1] - base[p][1])) / base[p][1] for p in base)
             check(off <= 2e-6, f"units of 2^{key[0]}, times of 2^{key[1]}", f"{off:.3g} sds off")
-    print(f"{len(OUTCOMES)} outcomes, {len(units)} systems of units: {failures} failures")
+        for (key, method), answer in moving.items():
+            code, said, result = answer.result()
+            name = f"orbits by {method}, units of 2^{key[0]}, times of 2^{key[1]}"
+            if code != 0 or result is None:
+                check(False, name, f"{code}: {said.strip()[:300]}")
+                continue
+            base = orbits(moving[(0, 0), method].result()[2], 0, 0)
+            off = farthest(orbits(result, *key), base)
+            check(off <= 1e-9, name, f"{len(base)} orbits, {off:.3g} off")
+    print(f"{len(OUTCOMES)} outcomes, {len(units)} systems of units, {len(moving)} lists of orbits: {failures} failures")
     return 1 if failures else 0
 
 

@@ -1,5 +1,8 @@
 #include "periodic/discretisation/cyclic_system.hpp"
 
+#include <cmath>
+#include <vector>
+
 #include <Eigen/Dense>
 
 #include "tests/catch.hpp"
@@ -9,6 +12,7 @@ namespace cyclic_system_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 using orbid::periodic::CyclicSystem;
 using orbid::tests::scattered;
 
@@ -78,6 +82,40 @@ TEST_CASE("bordered cyclic system is solved as the dense matrix is, also where t
                                 std::invalid_argument);
             }
     }
+}
+
+TEST_CASE("units of coordinates change nothing of a bordered cyclic system but units", "[periodic]") {
+    const Index n = 3, p = 4;
+    std::vector<MatrixXd> factors, scaled;
+    const Eigen::Vector3d unit(std::ldexp(1.0, -300), 1.0, std::ldexp(1.0, 90));
+    for (Index j = 0; j < p; ++j) {
+        factors.push_back(scattered(n, n, 0.1 + static_cast<double>(j)));
+        scaled.push_back(unit.asDiagonal() * factors.back() * unit.cwiseInverse().asDiagonal());
+    }
+    const CyclicSystem::Border border{scattered(n * p, 1, 0.4), scattered(1, n * p, 0.6), scattered(1, 1, 0.9)};
+    CyclicSystem::Border beside = border;
+    const MatrixXd b = scattered(n * p + 1, 2, 0.7);
+    const VectorXd units = unit.replicate(p, 1);
+    const double row = std::ldexp(1.0, 200);
+    beside.columns = units.asDiagonal() * border.columns;
+    beside.rows = row * border.rows * units.cwiseInverse().asDiagonal();
+    beside.corner *= row;
+    MatrixXd right = b;
+    right.topRows(n * p) = units.asDiagonal() * b.topRows(n * p);
+    right.bottomRows(1) *= row;
+    const CyclicSystem plain(factors, border);
+    const CyclicSystem other(scaled, beside, 1.5 * unit);
+    CHECK_FALSE(other.singular());
+    MatrixXd expected = plain.solve(b);
+    expected.topRows(n * p) = units.asDiagonal() * expected.topRows(n * p);
+    CHECK(other.solve(right) == expected);
+    VectorXd null = plain.null_vector();
+    null.head(n * p).array() *= units.array();
+    CHECK(other.null_vector() == null);
+    // By the entries alone it would be judged singular.
+    CHECK(CyclicSystem(scaled, beside).singular());
+    for (const VectorXd& wrong : {VectorXd(VectorXd::Ones(2)), VectorXd(VectorXd::Zero(3))})
+        CHECK_THROWS_AS(CyclicSystem(factors, border, wrong), std::invalid_argument);
 }
 
 TEST_CASE("cyclic system keeps its digits where the product of the factors loses them all", "[periodic]") {
