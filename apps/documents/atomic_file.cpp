@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <charconv>
@@ -15,6 +16,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/fingerprint.hpp"
 #include "models/definition/wrong_data.hpp"
 #include "models/system/stopped.hpp"
 
@@ -51,10 +53,9 @@ private:
 class Temporary {
 public:
     explicit Temporary(const std::filesystem::path& final_path) {
-        // Unique within the process by the counter, between processes by the process id.
         static std::atomic<unsigned> counter{0};
         path_ = final_path.parent_path() /
-                fmt::format("{}{}-{}.{}", temporary_prefix, ::getpid(), counter++, final_path.filename().string());
+                fmt::format("{}{}.{}", temporary_start(), counter++, final_path.filename().string());
     }
     ~Temporary() {
         if (!renamed_) {
@@ -153,15 +154,27 @@ void write_atomically(const std::filesystem::path& path,
 
 namespace {
 
-/// The process that a temporary is named after is no more.
+std::string machine_digest() {
+    std::array<char, 256> host{};
+    if (::gethostname(host.data(), host.size() - 1) != 0) host[0] = '\0';
+    return sha256(host.data()).substr(0, 8);
+}
+
+/// The process that a temporary is named after was one of this machine, and is no more.
 bool is_orphaned(std::string_view name) {
     name.remove_prefix(temporary_prefix.size());
     pid_t process = 0;
-    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), process);
-    return error == std::errc() && process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
+    const char* const last = name.data() + name.size();
+    const auto [end, error] = std::from_chars(name.data(), last, process);
+    return error == std::errc() && std::string_view(end, last).starts_with(fmt::format("-{}-", machine_digest())) &&
+           process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
 }
 
 }  // namespace
+
+std::string temporary_start() {
+    return fmt::format("{}{}-{}-", temporary_prefix, ::getpid(), machine_digest());
+}
 
 void remove_leftover_temporaries(const std::filesystem::path& folder, std::string_view file) {
     std::error_code error;

@@ -31,9 +31,13 @@ void write_atomically(const std::filesystem::path& path,
                       const std::function<void(const std::filesystem::path& temporary)>& writer,
                       const std::function<bool()>& interrupted = {});
 
-/// Removes temporaries that a killed program left in a folder, and folders of such names: those of ended processes, and
-/// any untouched for more than a day (another process may have that number by then). A folder that cannot be read is
-/// ignored.
+/// How names of this process's temporaries begin: with its number and a digest of the machine's name, as processes of
+/// other machines may share the folder.
+[[nodiscard]] std::string temporary_start();
+
+/// Removes temporaries that a killed program left in a folder, and folders of such names: those of ended processes of
+/// this machine, and any untouched for more than a day (another process may have that number by then). A folder that
+/// cannot be read is ignored.
 /// @param file  only those of this file, by its name; empty: of all
 void remove_leftover_temporaries(const std::filesystem::path& folder, std::string_view file = {});
 

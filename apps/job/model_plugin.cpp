@@ -173,7 +173,7 @@ class TemporaryFolder {
 public:
     explicit TemporaryFolder(const fs::path& cache) {
         // Named as the temporaries of files are: what a killed program left is removed like them.
-        std::string name = (cache / fmt::format(".orbid-tmp-{}-XXXXXX", ::getpid())).string();
+        std::string name = (cache / (temporary_start() + "XXXXXX")).string();
         if (mkdtemp(name.data()) == nullptr)
             throw NoPlugin(fmt::format("the cache {} cannot be written: {}", cache.string(),
                                        std::generic_category().message(errno)));

@@ -90,10 +90,18 @@ TEST_CASE("temporaries of processes that are no more, and old ones, are tidied a
     const pid_t gone = ::fork();
     if (gone == 0) ::_exit(0);
     ::waitpid(gone, nullptr, 0);
-    const auto name = [](pid_t process, int count) {
-        return ".orbid-tmp-" + std::to_string(process) + "-" + std::to_string(count) + ".series.h5";
+    const std::string own = apps::temporary_start();
+    const std::string process = std::to_string(::getpid());
+    REQUIRE(own.starts_with(".orbid-tmp-" + process + "-"));
+    const auto name = [&](pid_t number, int count) {
+        std::string start = own;
+        start.replace(own.find(process), process.size(), std::to_string(number));
+        return start + std::to_string(count) + ".series.h5";
     };
-    for (const std::string& file : {name(gone, 0), name(::getpid(), 0), name(::getpid(), 1), std::string("mine.txt")})
+    // Of another machine, whose processes are not known here.
+    const std::string elsewhere = ".orbid-tmp-" + std::to_string(gone) + "-00000000-0.series.h5";
+    for (const std::string& file :
+         {name(gone, 0), name(::getpid(), 0), name(::getpid(), 1), elsewhere, std::string("mine.txt")})
         std::ofstream(folder.path() / file) << "x";
     const auto two_days_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(48);
     std::filesystem::last_write_time(folder.path() / name(::getpid(), 1), two_days_ago);
@@ -102,7 +110,8 @@ TEST_CASE("temporaries of processes that are no more, and old ones, are tidied a
     CHECK_FALSE(std::filesystem::exists(folder.path() / name(gone, 0)));
     CHECK_FALSE(std::filesystem::exists(folder.path() / name(::getpid(), 1)));
     CHECK(std::filesystem::exists(folder.path() / name(::getpid(), 0)));
-    CHECK(folder.entries() == 2);
+    CHECK(std::filesystem::exists(folder.path() / elsewhere));
+    CHECK(folder.entries() == 3);
 }
 
 }  // namespace
