@@ -178,9 +178,7 @@ SeriesAttempt SeriesAttempts::on_better_sides(SeriesAttempt found) {
     constexpr int rounds = 4;
     constexpr std::uint64_t most_repairs = 3;  // times the work of attempts: a course on wrong sides is nearly right
     for (int round = 0; round < rounds && !search_.signs.empty(); ++round) {
-        const bool ended = found.estimate.status == estimator::EstimateStatus::converged ||
-                           found.estimate.status == estimator::EstimateStatus::iteration_limit;
-        if (!ended || found.start.nodes.empty() || !std::isfinite(found.misfit)) break;
+        if (!found.has_ended() || found.start.nodes.empty() || !std::isfinite(found.misfit)) break;
         if (repair_work_ / most_repairs > most_work_) break;
         const models::FlowOptions quick_flow{1e-11, 1e-11, most_flow_steps(found.start)};
         const CourseRepair repair = repaired_course(problem_, setup_, parameters_, search_.signs, found.start,

@@ -33,6 +33,12 @@ struct SeriesAttempt {
     estimator::Estimate estimate;
     double misfit = std::numeric_limits<double>::infinity();  ///< what readings and links miss; less is better
     bool cut = false;                                         ///< ended because it would have cost too much
+
+    /// At a minimum, or after all its steps.
+    [[nodiscard]] bool has_ended() const {
+        return estimate.status == estimator::EstimateStatus::converged ||
+               estimate.status == estimator::EstimateStatus::iteration_limit;
+    }
 };
 
 /// Parameters with a normal prior about their start, where they have none; its sd is `width` times the start.

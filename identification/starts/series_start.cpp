@@ -84,8 +84,8 @@ SeriesStart start_at(const IdentificationProblem& problem, const Place& place) {
     return start;
 }
 
-std::string told(int number, const Place& place, const SeriesAttempt& one) {
-    return fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.4g}{}", number, place.name,
+std::string told(int number, const std::string& name, const SeriesAttempt& one) {
+    return fmt::format("attempt {} ({}): {}, {} iterations, misfit {:.4g}{}", number, name,
                        one.cut ? std::string_view("given up") : estimator::name(one.estimate.status),
                        one.estimate.iterations, one.misfit, one.start.follows ? ": explains the readings" : "");
 }
@@ -137,6 +137,25 @@ void judge_failure(const Failure& how, bool hidden, const SeriesSearch& search, 
     if (hidden) search.remark(unexplained(start.attempts));
 }
 
+/// Nearer parameters tell hidden states better than those at which an attempt has followed them: the same once more
+/// from where it has ended. @return the better one
+SeriesAttempt with_states_anew(SeriesAttempts& run, SeriesAttempt found, const SeriesStart& place, int number,
+                               const SeriesSearch& search) {
+    SeriesStart start = place;
+    start.theta = found.start.theta;
+    SeriesAttempt other;
+    try {
+        other = run.make("states anew", start);
+    } catch (const orbits::DataError&) {  // none can be followed from there
+        return found;
+    }
+    if (search.log) search.log(told(number, "states anew", other));
+    SeriesAttempt& better = other.start.follows || other.misfit < found.misfit ? other : found;
+    better.estimate.iterations = found.estimate.iterations + other.estimate.iterations;
+    better.estimate.evaluations = found.estimate.evaluations + other.estimate.evaluations;
+    return std::move(better);
+}
+
 }  // namespace
 
 bool needs_search(const IdentificationProblem& problem) {
@@ -156,6 +175,8 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     SeriesAttempts run(problem, setup, parameters, search);
     const AffordableWork most_work = affordable_work(problem, parameters.size());
     run.limit(most_work.first, most_work.all);
+    const bool followed = anything_followed(problem);
+    std::uint64_t all = most_work.all;
     std::optional<SeriesAttempt> best;
     std::optional<orbits::DataError> refused;
     constexpr double same_misfit = 1e-4;
@@ -168,7 +189,7 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     bool agree = false, ended = false;
     int made = 0, iterations = 0, evaluations = 0;
     for (const Place& place : list) {
-        if ((search.estimate.interrupted && search.estimate.interrupted()) || run.work() > most_work.all) break;
+        if ((search.estimate.interrupted && search.estimate.interrupted()) || run.work() > all) break;
         const SeriesStart start = start_at(problem, place);
         // What errors suggested may have been an eighth of a turn.
         if (std::find(begun.begin(), begun.end(), Begun{start.theta, start.intervals}) != begun.end()) continue;
@@ -185,9 +206,17 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
             continue;
         }
         begun.emplace_back(place.theta, one.start.intervals);
-        run.limit(most_work.other, most_work.all);
         ended = ended || !one.cut;
-        if (search.log) search.log(told(made, place, one));
+        if (search.log) search.log(told(made, place.name, one));
+        if (followed && !one.start.follows && one.has_ended() && std::isfinite(one.misfit) &&
+            (!best || one.misfit < best->misfit)) {
+            // Apart from the work of other starts, as it is likely to lead farther; but from a good start few steps do.
+            const std::uint64_t before = run.work();
+            run.limit(most_work.other / 2, all + most_work.other);
+            one = with_states_anew(run, std::move(one), start, made, search);
+            all += run.work() - before;
+        }
+        run.limit(most_work.other, all);
         one = run.on_better_sides(std::move(one));
         iterations += one.estimate.iterations;
         evaluations += one.estimate.evaluations;
@@ -202,16 +231,14 @@ SeriesStart search_series_start(const IdentificationProblem& problem, const Opti
     }
     if (!best && refused) throw *refused;
     SeriesStart start;
-    if (best && (best->start.follows || (anything_followed(problem) && std::isfinite(best->misfit))))
-        start = best->start;
+    if (best && (best->start.follows || (followed && std::isfinite(best->misfit)))) start = best->start;
     if (start.theta.size() == 0) start.theta = starts(parameters);
     start.attempts = made;
     start.iterations = iterations;
     start.evaluations = evaluations;
     const bool stopped = search.estimate.interrupted && search.estimate.interrupted();
     if (!start.follows && !stopped)
-        judge_failure({agree, ended, run.work() > most_work.all, most_work.first, most_work.all},
-                      anything_followed(problem), search, start);
+        judge_failure({agree, ended, run.work() > all, most_work.first, most_work.all}, followed, search, start);
     return start;
 }
 
