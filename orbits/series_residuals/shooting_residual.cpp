@@ -6,6 +6,7 @@
 
 #include "models/arithmetic/median.hpp"
 #include "orbits/records/refusal.hpp"
+#include "orbits/series_residuals/process_noise.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/state_track.hpp"
 #include "orbits/simulation/transition.hpp"
@@ -37,8 +38,10 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     data->options.followed.reset();
     data->options.following_work = nullptr;
     const FollowedSeries& known = *data->followed;
-    data->interval = data->options.interval > 0
-                         ? data->options.interval
+    const bool diffusion = matching_.kind == Continuity::Kind::diffusion;
+    data->interval = data->options.interval > 0 ? data->options.interval
+                     : diffusion
+                         ? noise_interval(data->series, data->options.segments)
                          : shooting_interval(data->systems, known.states.empty() ? all : known.theta, data->series,
                                              data->options.sensor, data->options.segments, known.states);
     data->plan = plan_shooting(data->system(), data->series, data->options.segments, data->observed,
@@ -47,6 +50,7 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     guess_nodes(all);
     take_ranges(*data);
     check_matching();
+    find_process_noise();
     make_groups();
     make_layout();
     begin_matching(start_theta());
@@ -89,6 +93,7 @@ ShootingResidual ShootingResidual::with(const Continuity& matching, const estima
     ShootingResidual other = *this;
     other.matching_ = matching;
     other.check_matching();
+    other.find_process_noise();
     if (!latents.empty()) {
         assert(latents.size() == initial_.latents.size());
         other.initial_.latents = std::move(latents);
@@ -158,6 +163,11 @@ void ShootingResidual::begin_matching(const VectorXd& theta) {
             group.scale.value = std::max(group.floor, noise[g] * data.reading_range[static_cast<std::size_t>(g)]);
     }
     unit_ = data.range;
+    if (noise_)
+        for (const NoiseChain& chain : noise_->chains)
+            for (const Index i : chain.coordinates)
+                unit_[i] = data.range[chain.coordinates.front()] * noise_->usual.deviation[i] /
+                           noise_->usual.deviation[chain.coordinates.front()];
     initial_.memory.assign(1, VectorXd::Zero(memory_size));
     initial_.is_intermediate_stage = false;
     VectorXd& memory = initial_.memory.front();
@@ -193,11 +203,13 @@ void ShootingResidual::apply_matching(estimator::ActiveSet& active) const {
     const VectorXd& memory = active.memory.front();
     active.is_intermediate_stage = memory[tightness] > memory[final_tightness];
     const std::size_t first = data_->reading_range.size();
-    for (Index i = 0; i < unit_.size(); ++i) {
+    const double least = noise_ ? least_diffusion * memory[reading_noise]
+                                : least_matching(memory[reading_noise], sampled());
+    const VectorXd unit = noise_ ? noise_scale_unit() : unit_;
+    for (Index i = 0; i < unit.size(); ++i) {
         estimator::Group& group = active.groups[first + static_cast<std::size_t>(i)];
-        group.scale.value = memory[tightness] * unit_[i];
-        if (matching_.estimate)
-            group.floor = std::min(least_matching(memory[reading_noise], sampled()) * unit_[i], group.scale.value);
+        group.scale.value = memory[tightness] * unit[i];
+        if (matching_.estimate) group.floor = std::min(least * unit[i], group.scale.value);
     }
 }
 
@@ -277,7 +289,9 @@ ShootingResidual::Defect ShootingResidual::defect(const estimator::ActiveSet& ac
         if (!active.layout[b].active || !data_->plan.nodes[b].linked || !active.layout[b + 1].active ||
             values[b].status != estimator::BlockStatus::ok)
             continue;
-        const VectorXd d = matching_.constraints ? values[b].c : VectorXd(values[b].e.tail(n));
+        VectorXd d = matching_.constraints ? values[b].c : VectorXd(values[b].e.tail(n));
+        if (noise_)  // as if all intervals had the usual duration
+            d.array() *= noise_->usual.deviation.array() / noise_->links[data_->plan.nodes[b].pattern].deviation.array();
         ++result.count;
         if ((d.array().abs() > limit.array()).any()) ++result.large;
         result.rms += d.cwiseAbs2();
