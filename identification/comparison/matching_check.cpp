@@ -84,7 +84,6 @@ std::vector<MatchingResult::Diffusion> diffusions(const IdentificationProblem& p
                                                   const orbits::ShootingResidual& residual,
                                                   const estimator::ActiveSet& active,
                                                   const estimator::Estimate& estimate) {
-    constexpr double rounding = 1e-6;  // with which the estimator ends at a floor
     std::vector<MatchingResult::Diffusion> result;
     std::size_t g = residual.reading_groups();
     for (const Eigen::Index i : residual.noisy_coordinates()) {
@@ -97,7 +96,7 @@ std::vector<MatchingResult::Diffusion> diffusions(const IdentificationProblem& p
         one.unit = orbits::diffusion_unit(coordinate.unit);
         one.least = group.floor * group.floor;
         one.lower95 = one.upper95 = std::numeric_limits<double>::quiet_NaN();
-        if (!(scale->value > group.floor * (1.0 + rounding))) continue;
+        if (!std::isfinite(scale->lower95)) continue;  // held at its least value
         one.value = scale->value * scale->value;
         one.sd = 2.0 * scale->value * scale->uncertainty;
         one.lower95 = scale->lower95 * scale->lower95;

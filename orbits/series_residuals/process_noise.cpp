@@ -2,11 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
-
-#include "orbits/records/reading_noise.hpp"
 
 namespace orbid::orbits {
 
@@ -102,16 +99,6 @@ std::string diffusion_unit(std::string_view unit) {
 
 std::string root_diffusion_unit(std::string_view unit) {
     return fmt::format("{}/sqrt(s)", unit.empty() ? "1" : unit);
-}
-
-Index noise_interval(const Series& series, const std::vector<std::size_t>& segments) {
-    constexpr double nodes_per_turn = 50.0;
-    double shortest = std::numeric_limits<double>::infinity();
-    for (const std::size_t s : segments)
-        for (Index row = 0; row < series.dimension(); ++row)
-            shortest = std::min(shortest, samples_per_turn(series.segments[s].values.row(row).transpose()));
-    if (!std::isfinite(shortest)) return 1;
-    return std::max(Index{1}, static_cast<Index>(shortest / nodes_per_turn));
 }
 
 }  // namespace orbid::orbits

@@ -8,7 +8,6 @@
 
 #include "models/arithmetic/matrix_layout.hpp"
 #include "models/system/system.hpp"
-#include "orbits/records/series.hpp"
 
 namespace orbid::orbits {
 
@@ -38,8 +37,8 @@ struct LinkErrors {
 ///     cov(d_i, d_j) = s^2 T^(i+j+1) / (i! j! (i+j+1))
 ///
 /// For x' = v this is s^2 [[T^3/3, T^2/2], [T^2/2, T]]. Within an interval forces act on the noise as well; their share
-/// is of the order of T times their slopes and left out. With fifty nodes in a turn it is below one per cent. In
-/// return the covariance depends neither on states nor on parameters, so that no other term of the likelihood moves
+/// is of the order of T times their slopes and left out: below one per cent with thirty nodes in a turn, as large as ten
+/// per cent with ten. In return the covariance depends neither on states nor on parameters, so that no other term of the likelihood moves
 /// them.
 [[nodiscard]] LinkErrors link_errors(const std::vector<NoiseChain>& chains, double duration);
 
@@ -54,9 +53,5 @@ struct ProcessNoise {
     LinkErrors usual;               ///< of an interval of the usual duration
     double duration = 1.0;          ///< [s] of that
 };
-
-/// Samples from node to node with which links have these errors: a fiftieth of the shortest turn that is read, at least
-/// one sample. Readings between nodes count as if there were no noise since the node.
-[[nodiscard]] Eigen::Index noise_interval(const Series& series, const std::vector<std::size_t>& segments);
 
 }  // namespace orbid::orbits

@@ -38,10 +38,11 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     data->options.followed.reset();
     data->options.following_work = nullptr;
     const FollowedSeries& known = *data->followed;
+    // Noise acts between any two readings.
     const bool diffusion = matching_.kind == Continuity::Kind::diffusion;
     data->interval = data->options.interval > 0 ? data->options.interval
                      : diffusion
-                         ? noise_interval(data->series, data->options.segments)
+                         ? 1
                          : shooting_interval(data->systems, known.states.empty() ? all : known.theta, data->series,
                                              data->options.sensor, data->options.segments, known.states);
     data->plan = plan_shooting(data->system(), data->series, data->options.segments, data->observed,

@@ -41,7 +41,8 @@ struct ShootingOptions {
     std::vector<estimator::ErrorScale> errors;
     std::vector<ErrorForm> forms;  ///< likewise; empty = all normal with one sd
     Continuity matching;
-    /// Sampling intervals (sections) from node to node, > 0; 0: chosen by how errors grow, see interval().
+    /// Sampling intervals (sections) from node to node, > 0; 0: chosen by how errors grow, see interval(), and 1 for a
+    /// diffusion. Readings between nodes count as if no noise had acted since the node.
     Eigen::Index interval = 0;
     /// Models with measured inputs: one signal per segment of the series, see SeriesResidualOptions::inputs.
     std::vector<std::shared_ptr<const models::InputSignal>> inputs;

@@ -163,6 +163,16 @@ void check_short_intervals(const ValueReader& at, const SeriesResidualJob& serie
                               not_in_this_version));
 }
 
+/// States are integrated out as normal ones.
+void check_normal_errors(ObjectReader& object, const SeriesResidualJob& series) {
+    if (series.matching.kind != MatchingJob::Kind::diffusion) return;
+    for (const ErrorJob& error : series.errors)
+        if (!std::holds_alternative<estimator::NormalErrors>(error.distribution)) {
+            object.find("dynamics")->report("process noise goes with normal errors of the readings");
+            return;
+        }
+}
+
 /// Whether a series over whole segments could have nodes as it is.
 bool can_have_nodes(const Job& job, const SeriesResidualJob& series) {
     return !has_lasting_errors(series) && series.covariances.empty() &&
@@ -235,6 +245,7 @@ void complete_series(ObjectReader& object, const Job& job, bool staged, SeriesRe
     read_errors(object, use, job, series.errors, series.covariances);
     if (series.interval) {
         check_short_intervals(object.self(), series);
+        check_normal_errors(object, series);
         return;
     }
     series.unless_errors_grow = series.unless_errors_grow && can_have_nodes(job, series);

@@ -99,7 +99,7 @@ std::string series_line(const Job& job) {
         return text + fmt::format("one trajectory per segment{}\n",
                                   series.unless_errors_grow ? ", nodes where errors grow along it" : "");
     text += *series.interval == SeriesResidualJob::automatic_interval
-                ? (series.matching.kind == MatchingJob::Kind::diffusion ? "fifty nodes in a turn at most"
+                ? (series.matching.kind == MatchingJob::Kind::diffusion ? "a node at every reading"
                                                                         : "nodes as far apart as errors allow")
                 : fmt::format("a node every {} points", *series.interval);
     switch (series.matching.kind) {
