@@ -117,10 +117,9 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
     for (std::size_t i = 0; i < shooting.size(); ++i) {
         const estimator::ActiveSet& active = run.estimate.active[first + i];
         const bool own = shooting[i]->matching().kind == orbits::Continuity::Kind::diffusion;
-        reports.push_back(
-            orbits::matching_report(*shooting[i], active, estimated_theta(run.estimate),
-                                    run.estimate.latents[first + i],
-                                    own ? matching_sds(*shooting[i], active, run.estimate) : Eigen::VectorXd()));
+        reports.push_back(orbits::matching_report(
+            *shooting[i], active, estimated_theta(run.estimate), run.estimate.latents[first + i],
+            own ? matching_sds(*shooting[i], active, run.estimate) : Eigen::VectorXd()));
         diffusion = diffusion || own;
     }
     const bool alone = run.residuals.all().size() == shooting.size();

@@ -46,7 +46,8 @@ bool finds_noise(const ProblemResiduals& residuals, const Estimate& estimate) {
         if (!is_noisy(*residual)) continue;
         const auto& groups = residual->groups();
         for (std::size_t g = residual->reading_groups(); g < groups.size(); ++g)
-            if (const auto* scale = scale_of(estimate, groups[g].name); scale && std::isfinite(scale->lower95)) return true;
+            if (const auto* scale = scale_of(estimate, groups[g].name); scale && std::isfinite(scale->lower95))
+                return true;
     }
     return false;
 }
@@ -61,7 +62,8 @@ double half_ln_information(const ProblemResiduals& residuals, const Estimate& es
         const estimator::ActiveSet& active = estimate.active[at];
         const VectorXd scales = scales_of(residual, estimate);
         std::vector<VectorXd> states = estimate.latents[at];
-        const auto first = orbits::chain_information(active.layout, residual.evaluate(active, theta, states, true), scales);
+        const auto first =
+            orbits::chain_information(active.layout, residual.evaluate(active, theta, states, true), scales);
         for (std::size_t b = 0; b < states.size(); ++b)
             if (first.step[b].size() > 0) states[b] += first.step[b];
         sum += orbits::chain_information(active.layout, residual.evaluate(active, theta, states, true), scales)
@@ -81,8 +83,7 @@ struct Tilt {
 /// -d ln|dx/du| / dx of the coordinate u in which a parameter is estimated: what a prior has besides its density.
 double scale_slope(const estimator::FreeParameter& parameter, double x) {
     if (parameter.scale == estimator::Scale::log || parameter.scale == estimator::Scale::log10) return -1.0 / x;
-    if (parameter.scale == estimator::Scale::logit)
-        return 1.0 / (parameter.upper - x) - 1.0 / (x - parameter.lower);
+    if (parameter.scale == estimator::Scale::logit) return 1.0 / (parameter.upper - x) - 1.0 / (x - parameter.lower);
     return 0.0;
 }
 
@@ -106,9 +107,9 @@ Tilt tilt_at(const Parameters& parameters, const ProblemResiduals& residuals, co
         VectorXd above = theta, below = theta;
         above[at] = std::min(theta[at] + difference * sd, parameters[i].upper);
         below[at] = std::max(theta[at] - difference * sd, parameters[i].lower);
-        const double slope = (half_ln_information(residuals, estimate, above) -
-                              half_ln_information(residuals, estimate, below)) /
-                             (above[at] - below[at]);
+        const double slope =
+            (half_ln_information(residuals, estimate, above) - half_ln_information(residuals, estimate, below)) /
+            (above[at] - below[at]);
         if (!std::isfinite(slope)) continue;
         tilt.place.push_back(i);
         slopes.push_back(slope - scale_slope(parameters[i], theta[at]));
@@ -182,8 +183,8 @@ double largest_move(const Estimate& before, const Estimate& now) {
     double largest = 0.0;
     for (std::size_t i = 0; i < now.parameters.size(); ++i)
         if (now.parameters[i].laplace_sd > 0.0)
-            largest = std::max(largest, std::abs(now.parameters[i].value - before.parameters[i].value) /
-                                            now.parameters[i].laplace_sd);
+            largest = std::max(
+                largest, std::abs(now.parameters[i].value - before.parameters[i].value) / now.parameters[i].laplace_sd);
     return largest;
 }
 
@@ -195,9 +196,9 @@ bool is_over(const Estimate& estimate) {
 void refuse_priors(const Parameters& parameters, const estimator::EstimateOptions& options) {
     for (const auto& parameter : parameters)
         if (estimator::is_proper(parameter.prior) || !options.joint_priors.empty())
-            throw orbits::DataError(
-                fmt::format("process noise is estimated without priors of parameters: leave out that of {}",
-                            options.joint_priors.empty() ? parameter.name : options.joint_priors.front().names.front()));
+            throw orbits::DataError(fmt::format(
+                "process noise is estimated without priors of parameters: leave out that of {}",
+                options.joint_priors.empty() ? parameter.name : options.joint_priors.front().names.front()));
 }
 
 }  // namespace

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
-#include <Eigen/QR>
+#include "models/arithmetic/orthogonal_factor.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::orbits {
 
@@ -53,7 +55,8 @@ ChainInformation chain_information(const std::vector<estimator::BlockLayout>& la
             row[n + next] = value.e[i] / sd;
         }
         const Index kept = std::min<Index>(rows.rows(), rows.cols());
-        const MatrixXd triangle = Eigen::HouseholderQR<MatrixXd>(rows).matrixQR().topRows(kept).triangularView<Eigen::Upper>();
+        models::householder_in_place(rows);
+        const MatrixXd triangle = rows.topRows(kept).triangularView<Eigen::Upper>();
         left[b] = {triangle.topLeftCorner(n, n), triangle.block(0, n, n, next), triangle.col(n + next).head(n)};
         result.half_ln_determinant += left[b].triangle.diagonal().array().abs().log().sum();
         const Index rest = std::min<Index>(next, kept - n);
@@ -65,7 +68,8 @@ ChainInformation chain_information(const std::vector<estimator::BlockLayout>& la
         if (left[b].triangle.size() == 0) continue;
         VectorXd right = -left[b].right;
         if (left[b].after.cols() > 0) right -= left[b].after * result.step[b + 1];
-        result.step[b] = left[b].triangle.triangularView<Eigen::Upper>().solve(right);
+        models::solve_upper_in_place(left[b].triangle, right);
+        result.step[b] = std::move(right);
     }
     return result;
 }

@@ -16,8 +16,8 @@ namespace orbid::orbits {
 /// start, even from the true parameters.
 struct Continuity {
     enum class Kind {
-        exact,     ///< the model is right: an error far too small for readings to show, see exact_tightness
-        normal,    ///< normal errors
+        exact,   ///< the model is right: an error far too small for readings to show, see exact_tightness
+        normal,  ///< normal errors
         /// Errors of a diffusion that acts on every coordinate but those whose equation is x' = v, which integrate it
         /// (process_noise.hpp). Its scales, in the coordinate's unit per root second, are always estimated.
         diffusion,

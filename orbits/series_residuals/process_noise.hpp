@@ -37,9 +37,9 @@ struct LinkErrors {
 ///     cov(d_i, d_j) = s^2 T^(i+j+1) / (i! j! (i+j+1))
 ///
 /// For x' = v this is s^2 [[T^3/3, T^2/2], [T^2/2, T]]. Within an interval forces act on the noise as well; their share
-/// is of the order of T times their slopes and left out: below one per cent with thirty nodes in a turn, as large as ten
-/// per cent with ten. In return the covariance depends neither on states nor on parameters, so that no other term of the likelihood moves
-/// them.
+/// is of the order of T times their slopes and left out: below one per cent with thirty nodes in a turn, as large as
+/// ten per cent with ten. In return the covariance depends neither on states nor on parameters, so that no other term
+/// of the likelihood moves them.
 [[nodiscard]] LinkErrors link_errors(const std::vector<NoiseChain>& chains, double duration);
 
 /// Units of a diffusion and of its root, of a coordinate in this unit: "(rad/s)^2/s", "rad/s/sqrt(s)".

@@ -204,8 +204,8 @@ void ShootingResidual::apply_matching(estimator::ActiveSet& active) const {
     const VectorXd& memory = active.memory.front();
     active.is_intermediate_stage = memory[tightness] > memory[final_tightness];
     const std::size_t first = data_->reading_range.size();
-    const double least = noise_ ? least_diffusion * memory[reading_noise]
-                                : least_matching(memory[reading_noise], sampled());
+    const double least =
+        noise_ ? least_diffusion * memory[reading_noise] : least_matching(memory[reading_noise], sampled());
     const VectorXd unit = noise_ ? noise_scale_unit() : unit_;
     for (Index i = 0; i < unit.size(); ++i) {
         estimator::Group& group = active.groups[first + static_cast<std::size_t>(i)];
@@ -277,32 +277,6 @@ void ShootingResidual::read_scales(estimator::ActiveSet& active, const VectorXd&
         else if (freedom > least_freedom)
             group.scale.value = std::max(group.floor, std::min(group.scale.value, told / std::sqrt(freedom)));
     }
-}
-
-ShootingResidual::Defect ShootingResidual::defect(const estimator::ActiveSet& active, const VectorXd& theta,
-                                                  const std::vector<VectorXd>& latents, const VectorXd& sd) const {
-    const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd(active));
-    const Index n = data_->system().dimension();
-    Defect result{VectorXd::Zero(n), VectorXd::Zero(n), 0, 0};
-    std::vector<std::vector<double>> sizes(static_cast<std::size_t>(n));
-    const auto values = evaluate(active, theta, latents, false);
-    for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!active.layout[b].active || !data_->plan.nodes[b].linked || !active.layout[b + 1].active ||
-            values[b].status != estimator::BlockStatus::ok)
-            continue;
-        VectorXd d = matching_.constraints ? values[b].c : VectorXd(values[b].e.tail(n));
-        if (noise_)  // as if all intervals had the usual duration
-            d.array() *= noise_->usual.deviation.array() / noise_->links[data_->plan.nodes[b].pattern].deviation.array();
-        ++result.count;
-        if ((d.array().abs() > limit.array()).any()) ++result.large;
-        result.rms += d.cwiseAbs2();
-        for (Index i = 0; i < n; ++i)
-            sizes[static_cast<std::size_t>(i)].push_back(std::abs(d[i]));
-    }
-    result.rms = (result.rms / static_cast<double>(std::max<std::size_t>(result.count, 1))).cwiseSqrt();
-    for (Index i = 0; i < n; ++i)
-        result.typical[i] = normal_median * models::upper_median(std::move(sizes[static_cast<std::size_t>(i)]));
-    return result;
 }
 
 }  // namespace orbid::orbits

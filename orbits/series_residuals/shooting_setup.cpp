@@ -91,8 +91,9 @@ void ShootingResidual::check_matching() const {
                           matching_.sd.size(), n);
     for (const double sd : matching_.sd)
         channels.require_call(sd > 0.0 && std::isfinite(sd), "a matching sd is {}, must be > 0", sd);
-    channels.require_call(matching_.kind != Continuity::Kind::diffusion || (matching_.estimate && matching_.sd.size() == 0),
-                          "the diffusion of process noise is estimated, and begins at what nodes leave");
+    channels.require_call(
+        matching_.kind != Continuity::Kind::diffusion || (matching_.estimate && matching_.sd.size() == 0),
+        "the diffusion of process noise is estimated, and begins at what nodes leave");
     channels.require(matching_.kind != Continuity::Kind::diffusion || sampled(),
                      "process noise needs samples in time: over a whole period it depends on all of the course");
     channels.require_call(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,

@@ -120,9 +120,9 @@ py::list matching_list(const Identified& one) {
     return listed(one.stages.matching, [](const identification::MatchingResult& of) {
         py::dict diffusion;
         for (const identification::MatchingResult::Diffusion& one : of.diffusion)
-            diffusion[one.name.c_str()] =
-                py::dict("value"_a = one.value, "sd"_a = one.sd, "interval95"_a = py::make_tuple(one.lower95, one.upper95),
-                         "unit"_a = one.unit, "least"_a = one.least);
+            diffusion[one.name.c_str()] = py::dict("value"_a = one.value, "sd"_a = one.sd,
+                                                   "interval95"_a = py::make_tuple(one.lower95, one.upper95),
+                                                   "unit"_a = one.unit, "least"_a = one.least);
         return py::dict("experiment"_a = of.experiment, "interval"_a = of.interval, "intervals"_a = of.intervals,
                         "large"_a = of.large, "expected"_a = of.expected, "diffusion"_a = diffusion,
                         "warnings"_a = of.warnings);

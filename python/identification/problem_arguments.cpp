@@ -134,7 +134,8 @@ id::SeriesChoice series_choice(NamedArguments& given, const id::IdentificationPr
     result.matching = matching(given.find("matching"), given.place("matching"));
     if (noise_is_estimated(given)) {
         if (!result.interval || result.matching.kind != id::Matching::Kind::automatic)
-            throw py::value_error(given.place("dynamics") + ": process noise acts between nodes that need not meet: "
+            throw py::value_error(given.place("dynamics") +
+                                  ": process noise acts between nodes that need not meet: "
                                   "leave out 'matching' and interval=\"segment\"");
         result.matching = {id::Matching::Kind::diffusion, 0.0};
     }

@@ -208,8 +208,7 @@ const FieldTable<SeriesResidualJob>& series_fields() {
                                 .required_always()}),
                     "Errors of the model itself: a diffusion of every coordinate whose equation is not x' = v."),
                 read_dynamics, dynamics_document}
-                .written_if(
-                    [](const Series& series) { return series.matching.kind == MatchingJob::Kind::diffusion; })};
+                .written_if([](const Series& series) { return series.matching.kind == MatchingJob::Kind::diffusion; })};
         add_error_fields(fields);
         return fields;
     }();

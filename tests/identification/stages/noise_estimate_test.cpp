@@ -100,7 +100,8 @@ double exact_value(const Oscillator& of, const VectorXd& y) {
     const MatrixXd information = a.transpose() * a;
     const VectorXd best = information.ldlt().solve(a.transpose() * r);
     return 0.5 * (r - a * best).squaredNorm() + MatrixXd(root.matrixL()).diagonal().array().log().sum() +
-           0.5 * std::log(information.determinant()) + 0.5 * static_cast<double>(n - 2) * std::log(2.0 * std::numbers::pi);
+           0.5 * std::log(information.determinant()) +
+           0.5 * static_cast<double>(n - 2) * std::log(2.0 * std::numbers::pi);
 }
 
 struct Fit {

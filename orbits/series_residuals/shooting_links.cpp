@@ -15,6 +15,8 @@ using Eigen::VectorXd;
 
 namespace {
 
+constexpr double normal_median = 1.4826;  // sd of a normal error over the median of its absolute value
+
 /// Small, and different for every coordinate and state; the same at every call.
 VectorXd aside(Index coordinates, Index place) {
     constexpr double size = 0.01;
@@ -113,6 +115,33 @@ void ShootingResidual::whiten(std::size_t pattern, estimator::BlockValue& value)
     value.e.tail(n) = (unmix * value.e.tail(n)).eval();
     for (MatrixXd* rows : {&value.e_theta, &value.e_z, &value.e_next})
         if (rows->size() > 0) rows->bottomRows(n) = (unmix * rows->bottomRows(n)).eval();
+}
+
+ShootingResidual::Defect ShootingResidual::defect(const estimator::ActiveSet& active, const VectorXd& theta,
+                                                  const std::vector<VectorXd>& latents, const VectorXd& sd) const {
+    const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd(active));
+    const Index n = data_->system().dimension();
+    Defect result{VectorXd::Zero(n), VectorXd::Zero(n), 0, 0};
+    std::vector<std::vector<double>> sizes(static_cast<std::size_t>(n));
+    const auto values = evaluate(active, theta, latents, false);
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (!active.layout[b].active || !data_->plan.nodes[b].linked || !active.layout[b + 1].active ||
+            values[b].status != estimator::BlockStatus::ok)
+            continue;
+        VectorXd d = matching_.constraints ? values[b].c : VectorXd(values[b].e.tail(n));
+        if (noise_)  // as if all intervals had the usual duration
+            d.array() *=
+                noise_->usual.deviation.array() / noise_->links[data_->plan.nodes[b].pattern].deviation.array();
+        ++result.count;
+        if ((d.array().abs() > limit.array()).any()) ++result.large;
+        result.rms += d.cwiseAbs2();
+        for (Index i = 0; i < n; ++i)
+            sizes[static_cast<std::size_t>(i)].push_back(std::abs(d[i]));
+    }
+    result.rms = (result.rms / static_cast<double>(std::max<std::size_t>(result.count, 1))).cwiseSqrt();
+    for (Index i = 0; i < n; ++i)
+        result.typical[i] = normal_median * models::upper_median(std::move(sizes[static_cast<std::size_t>(i)]));
+    return result;
 }
 
 }  // namespace orbid::orbits
