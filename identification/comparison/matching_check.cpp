@@ -101,6 +101,12 @@ std::vector<MatchingResult::Diffusion> diffusions(const IdentificationProblem& p
         one.sd = 2.0 * scale->value * scale->uncertainty;
         one.lower95 = scale->lower95 * scale->lower95;
         one.upper95 = scale->upper95 * scale->upper95;
+        // A scale that may be zero has no interval in its logarithm: a one-sided limit, normal in the scale itself.
+        constexpr double open_share = 0.5, normal95 = 1.6448536269514722;
+        if (scale->uncertainty > open_share * scale->value) {
+            one.lower95 = 0.0;
+            one.upper95 = std::pow(scale->value + normal95 * scale->uncertainty, 2);
+        }
     }
     return result;
 }

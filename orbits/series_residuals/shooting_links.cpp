@@ -117,6 +117,36 @@ void ShootingResidual::whiten(std::size_t pattern, estimator::BlockValue& value)
         if (rows->size() > 0) rows->bottomRows(n) = (unmix * rows->bottomRows(n)).eval();
 }
 
+/// Scales of readings that are still to be estimated, from their residuals. While matching is loose, nodes take as many
+/// readings as they have coordinates.
+void ShootingResidual::read_scales(estimator::ActiveSet& active, const VectorXd& theta,
+                                   const std::vector<VectorXd>& latents, bool loose) const {
+    constexpr double least_freedom = 0.2;  // of the readings: fewer tell no scale
+    std::vector<std::vector<double>> sizes(data_->reading_range.size());
+    const auto values = evaluate(active, theta, latents, false);
+    for (std::size_t b = 0; b < values.size(); ++b) {
+        if (!active.layout[b].active || values[b].status != estimator::BlockStatus::ok) continue;
+        const auto readings = data_->plan.of(b);
+        for (std::size_t r = 0; r < readings.size(); ++r)
+            sizes[static_cast<std::size_t>(readings[r].group)].push_back(std::abs(values[b].e[static_cast<Index>(r)]) /
+                                                                         readings[r].deviation);
+    }
+    double readings = 0.0;
+    for (const auto& of_group : sizes)
+        readings += static_cast<double>(of_group.size());
+    const double nodes = static_cast<double>(values.size()) * static_cast<double>(data_->system().dimension());
+    const double freedom = readings > 0.0 ? 1.0 - nodes / readings : 0.0;
+    for (std::size_t g = 0; g < sizes.size(); ++g) {
+        estimator::Group& group = active.groups[g];
+        if (!group.scale.estimate || sizes[g].empty()) continue;
+        const double told = normal_median * models::upper_median(std::move(sizes[g]));
+        if (!loose)
+            group.scale.value = std::max(group.floor, told);
+        else if (freedom > least_freedom)
+            group.scale.value = std::max(group.floor, std::min(group.scale.value, told / std::sqrt(freedom)));
+    }
+}
+
 ShootingResidual::Defect ShootingResidual::defect(const estimator::ActiveSet& active, const VectorXd& theta,
                                                   const std::vector<VectorXd>& latents, const VectorXd& sd) const {
     const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd(active));

@@ -4,7 +4,6 @@
 #include <cassert>
 #include <cmath>
 
-#include "models/arithmetic/median.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/series_residuals/process_noise.hpp"
 #include "orbits/simulation/node_state.hpp"
@@ -16,12 +15,6 @@ namespace orbid::orbits {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-namespace {
-
-constexpr double normal_median = 1.4826;  // sd of a normal error over the median of its absolute value
-
-}  // namespace
 
 ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                                    Series series, ShootingOptions options)
@@ -247,35 +240,6 @@ void ShootingResidual::predict_scales(estimator::ActiveSet& active, const Vector
         const double told = noise[g] * data_->reading_range[static_cast<std::size_t>(g)];
         // An upper bound: never upwards.
         group.scale.value = std::max(group.floor, std::min(group.scale.value, told));
-    }
-}
-
-/// The same from their residuals. While matching is loose, nodes take as many readings as they have coordinates.
-void ShootingResidual::read_scales(estimator::ActiveSet& active, const VectorXd& theta,
-                                   const std::vector<VectorXd>& latents, bool loose) const {
-    constexpr double least_freedom = 0.2;  // of the readings: fewer tell no scale
-    std::vector<std::vector<double>> sizes(data_->reading_range.size());
-    const auto values = evaluate(active, theta, latents, false);
-    for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!active.layout[b].active || values[b].status != estimator::BlockStatus::ok) continue;
-        const auto readings = data_->plan.of(b);
-        for (std::size_t r = 0; r < readings.size(); ++r)
-            sizes[static_cast<std::size_t>(readings[r].group)].push_back(std::abs(values[b].e[static_cast<Index>(r)]) /
-                                                                         readings[r].deviation);
-    }
-    double readings = 0.0;
-    for (const auto& of_group : sizes)
-        readings += static_cast<double>(of_group.size());
-    const double nodes = static_cast<double>(values.size()) * static_cast<double>(data_->system().dimension());
-    const double freedom = readings > 0.0 ? 1.0 - nodes / readings : 0.0;
-    for (std::size_t g = 0; g < sizes.size(); ++g) {
-        estimator::Group& group = active.groups[g];
-        if (!group.scale.estimate || sizes[g].empty()) continue;
-        const double told = normal_median * models::upper_median(std::move(sizes[g]));
-        if (!loose)
-            group.scale.value = std::max(group.floor, told);
-        else if (freedom > least_freedom)
-            group.scale.value = std::max(group.floor, std::min(group.scale.value, told / std::sqrt(freedom)));
     }
 }
 
