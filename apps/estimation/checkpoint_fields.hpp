@@ -232,9 +232,14 @@ inline void fields(Archive& archive, MatchingResult::Coordinate& value) {
     archive(name, unit, sd, rms, typical);
 }
 
+inline void fields(Archive& archive, MatchingResult::Diffusion& value) {
+    auto& [name, unit, at, sd, lower, upper, least] = value;
+    archive(name, unit, at, sd, lower, upper, least);
+}
+
 inline void fields(Archive& archive, MatchingResult& value) {
-    auto& [experiment, interval, intervals, large, expected, coordinates, shift, warnings] = value;
-    archive(experiment, interval, intervals, large, expected, coordinates, shift, warnings);
+    auto& [experiment, interval, intervals, large, expected, coordinates, diffusion, shift, warnings] = value;
+    archive(experiment, interval, intervals, large, expected, coordinates, diffusion, shift, warnings);
 }
 
 inline void fields(Archive& archive, LogEvidence& value) {

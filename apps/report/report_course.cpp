@@ -54,6 +54,24 @@ std::string matching_html(const Json& list) {
     return html_table("Matching: how far the model's trajectory jumps at the nodes between readings", table) + remarks;
 }
 
+std::string noise_html(const Json& list) {
+    SummaryTable table({left_aligned("experiment"), left_aligned("coordinate"), "diffusion", "sd", "from", "to",
+                        left_aligned("unit"), left_aligned("")});
+    for (const Json& matching : list)
+        for (const auto& [name, entry] : block_at(matching, "diffusion").items()) {
+            const Json& interval = block_at(entry, "interval95");
+            const auto end = [&](std::size_t i) {
+                return interval.is_array() && interval.size() == 2 && interval[i].is_number()
+                           ? significant(interval[i].get<double>(), 3)
+                           : std::string();
+            };
+            table.add({text_at(matching, "experiment"), name, number_cell(number_at(entry, "value"), 4),
+                       number_cell(number_at(entry, "sd"), 2), end(0), end(1), text_at(entry, "unit"),
+                       text_at(entry, "at_bound").empty() ? "" : "at its bound: no process noise is found"});
+        }
+    return html_table("Process noise: white noise that disturbs the model, dv = f dt + sqrt(diffusion) dW", table);
+}
+
 std::string score_text(const Json& entry) {
     const Json& score = block_at(entry, "held_out");
     const double value = number_at(score, "value");
@@ -100,6 +118,7 @@ ReportChapter course_chapter(const ReportSource& source) {
                     "The objective before each step, above the value it ended at. A steep fall at the end is the "
                     "convergence of Gauss and Newton."));
     chapter.html += html_headed(3, "Matching", matching_html(block_at(result, "matching")));
+    chapter.html += html_headed(3, "Process noise", noise_html(block_at(result, "matching")));
     if (const Json& criticism = block_at(result, "criticism"); !criticism.empty())
         chapter.html +=
             html_headed(3, "Other models",

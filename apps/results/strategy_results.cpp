@@ -37,6 +37,13 @@ Json matching_json(const MatchingResult& matching) {
     for (const auto& coordinate : matching.coordinates)
         out["coordinates"][coordinate.name] = {
             {"sd", coordinate.sd}, {"rms", coordinate.rms}, {"typical", coordinate.typical}, {"unit", coordinate.unit}};
+    for (const auto& one : matching.diffusion)
+        out["diffusion"][one.name] = {{"value", one.value},
+                                      {"sd", one.value > 0.0 ? Json(one.sd) : Json(nullptr)},
+                                      {"interval95", one.value > 0.0 ? Json{one.lower95, one.upper95} : Json(nullptr)},
+                                      {"unit", one.unit},
+                                      {"at_bound", one.value > 0.0 ? Json(nullptr) : Json("lower")},
+                                      {"least", one.least}};
     out["looser_shift_in_sds"] = Json::object();
     for (const auto& [name, sds] : matching.shift)
         out["looser_shift_in_sds"][name] = sds;

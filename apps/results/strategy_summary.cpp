@@ -14,6 +14,20 @@ std::string known(const LogEvidence& evidence) {
     return evidence.value ? fmt::format("{:+.1f}", *evidence.value) : "";
 }
 
+/// The diffusions of process noise, where it is estimated.
+std::string noise_summary(const StrategyResults& results) {
+    SummaryTable table({left_aligned("experiment"), left_aligned("coordinate"), "diffusion", "±", "95 % from", "to",
+                        left_aligned("unit"), left_aligned("")});
+    for (const MatchingResult& matching : results.matching)
+        for (const auto& one : matching.diffusion) {
+            const bool found = one.value > 0.0;
+            table.add({matching.experiment, one.name, significant(one.value, 4), found ? significant(one.sd, 2) : "",
+                       found ? significant(one.lower95, 3) : "", found ? significant(one.upper95, 3) : "", one.unit,
+                       found ? "" : "at its bound: no process noise is found"});
+        }
+    return titled("Process noise", table.text());
+}
+
 }  // namespace
 
 /// Every stage with its numbers, so that their progress can be followed.
@@ -58,7 +72,7 @@ std::string matching_summary(const StrategyResults& results) {
         for (const std::string& warning : matching.warnings)
             warnings += fmt::format("  {}: {}\n", matching.experiment, warning);
     }
-    return titled("Matching of nodes", table.text()) + warnings;
+    return titled("Matching of nodes", table.text()) + warnings + noise_summary(results);
 }
 
 std::string criticism_summary(const StrategyResults& results) {

@@ -48,7 +48,7 @@ std::string joined(const std::vector<std::string>& names) {
 }
 
 bool is_matching(const estimator::EstimatedScale& scale) {
-    return scale.group.find(".matching.") != std::string::npos;
+    return scale.group.find(".matching.") != std::string::npos || scale.group.find(".noise.") != std::string::npos;
 }
 
 bool follows_itself(const estimator::EstimatedScale& scale) {

@@ -7,6 +7,7 @@
 
 #include "identification/problem/estimated_values.hpp"
 #include "orbits/series_residuals/continuity_report.hpp"
+#include "orbits/series_residuals/process_noise.hpp"
 
 namespace orbid::identification {
 
@@ -15,14 +16,13 @@ namespace {
 /// Sds of matching at the estimate, shape (n): as set, or as estimated.
 Eigen::VectorXd matching_sds(const orbits::ShootingResidual& residual, const estimator::ActiveSet& active,
                              const estimator::Estimate& estimate) {
-    Eigen::VectorXd sds = residual.matching_sd(active);
-    const auto& groups = residual.groups();
-    const std::size_t first = groups.size() - static_cast<std::size_t>(sds.size());
-    for (Eigen::Index i = 0; i < sds.size(); ++i) {
-        const auto* scale = scale_of(estimate, groups[first + static_cast<std::size_t>(i)].name);
-        if (scale != nullptr) sds[i] = scale->value;
+    if (residual.matching().constraints) return residual.matching_sd(active);
+    Eigen::VectorXd scales(std::ssize(residual.groups()));
+    for (Eigen::Index g = 0; g < scales.size(); ++g) {
+        const auto* scale = scale_of(estimate, residual.groups()[static_cast<std::size_t>(g)].name);
+        scales[g] = scale != nullptr ? scale->value : active.groups[static_cast<std::size_t>(g)].scale.value;
     }
-    return sds;
+    return residual.matching_sd(scales);
 }
 
 /// Index of the first residual by multiple shooting in the order of ProblemResiduals::all().
@@ -38,9 +38,8 @@ Eigen::VectorXd laplace_sds(const estimator::Estimate& estimate) {
 /// under loose matching the nodes may follow the readings of a coordinate.
 std::vector<double> estimated_errors(const orbits::ShootingResidual& residual, const estimator::Estimate& estimate) {
     const auto& groups = residual.groups();
-    const auto matched = static_cast<std::size_t>(residual.matching().constraints ? 0 : residual.range().size());
     std::vector<double> errors;
-    for (std::size_t g = 0; g + matched < groups.size(); ++g) {
+    for (std::size_t g = 0; g < residual.reading_groups(); ++g) {
         const auto* scale = groups[g].scale.estimate ? scale_of(estimate, groups[g].name) : nullptr;
         errors.push_back(scale != nullptr ? scale->value : std::numeric_limits<double>::quiet_NaN());
     }
@@ -80,6 +79,38 @@ void compare_looser(const StageInput& input, const StageRun& run, std::vector<or
                         laplace_sds(run.estimate), estimated_theta(other), laplace_sds(other));
 }
 
+/// Process noise as estimated: squares of scales.
+std::vector<MatchingResult::Diffusion> diffusions(const IdentificationProblem& problem,
+                                                  const orbits::ShootingResidual& residual,
+                                                  const estimator::ActiveSet& active,
+                                                  const estimator::Estimate& estimate) {
+    std::vector<MatchingResult::Diffusion> result;
+    std::size_t g = residual.reading_groups();
+    for (const Eigen::Index i : residual.noisy_coordinates()) {
+        const estimator::Group& group = active.groups[g++];
+        const auto* scale = scale_of(estimate, group.name);
+        if (scale == nullptr) continue;
+        const auto coordinate = problem.system->coordinates()[static_cast<std::size_t>(i)];
+        MatchingResult::Diffusion& one = result.emplace_back();
+        one.name = coordinate.name;
+        one.unit = orbits::diffusion_unit(coordinate.unit);
+        one.least = group.floor * group.floor;
+        one.lower95 = one.upper95 = std::numeric_limits<double>::quiet_NaN();
+        if (!std::isfinite(scale->lower95)) continue;  // held at its least value
+        one.value = scale->value * scale->value;
+        one.sd = 2.0 * scale->value * scale->uncertainty;
+        one.lower95 = scale->lower95 * scale->lower95;
+        one.upper95 = scale->upper95 * scale->upper95;
+        // A scale that may be zero has no interval in its logarithm: a one-sided limit, normal in the scale itself.
+        constexpr double open_share = 0.5, normal95 = 1.6448536269514722;
+        if (scale->uncertainty > open_share * scale->value) {
+            one.lower95 = 0.0;
+            one.upper95 = std::pow(scale->value + normal95 * scale->uncertainty, 2);
+        }
+    }
+    return result;
+}
+
 }  // namespace
 
 std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared) {
@@ -88,11 +119,18 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
     const std::size_t first = first_shooting(run.residuals);
     if (shooting.empty() || run.estimate.latents.size() != run.residuals.all().size()) return {};
     std::vector<orbits::ContinuityReport> reports;
-    for (std::size_t i = 0; i < shooting.size(); ++i)
-        reports.push_back(orbits::matching_report(*shooting[i], run.estimate.active[first + i],
-                                                  estimated_theta(run.estimate), run.estimate.latents[first + i]));
+    bool diffusion = false;
+    for (std::size_t i = 0; i < shooting.size(); ++i) {
+        const estimator::ActiveSet& active = run.estimate.active[first + i];
+        const bool own = shooting[i]->matching().kind == orbits::Continuity::Kind::diffusion;
+        reports.push_back(orbits::matching_report(
+            *shooting[i], active, estimated_theta(run.estimate), run.estimate.latents[first + i],
+            own ? matching_sds(*shooting[i], active, run.estimate) : Eigen::VectorXd()));
+        diffusion = diffusion || own;
+    }
     const bool alone = run.residuals.all().size() == shooting.size();
-    if (compared && alone && run.estimate.status == estimator::EstimateStatus::converged)
+    // Process noise is what the model misses: it has been asked for, and no other matching is right.
+    if (compared && alone && !diffusion && run.estimate.status == estimator::EstimateStatus::converged)
         compare_looser(input, run, reports);
     std::vector<MatchingResult> results;
     const auto coordinates = problem.system->coordinates();
@@ -105,6 +143,7 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
         result.large = report.defect.large;
         result.expected = report.expected;
         result.warnings = report.warnings;
+        result.diffusion = diffusions(problem, *shooting[i], run.estimate.active[first + i], run.estimate);
         const Eigen::VectorXd sds = matching_sds(*shooting[i], run.estimate.active[first + i], run.estimate);
         for (Eigen::Index c = 0; c < sds.size(); ++c) {
             const auto& coordinate = coordinates[static_cast<std::size_t>(c)];

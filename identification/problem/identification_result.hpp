@@ -55,6 +55,16 @@ struct MatchingResult {
         double typical = 0.0;  ///< 1.4826 times their median size
     };
     std::vector<Coordinate> coordinates;
+    /// Process noise of a coordinate, dv = f dt + sqrt(value) dW.
+    struct Diffusion {
+        std::string name;
+        std::string unit;    ///< of `value`: "(rad/s)^2/s"
+        double value = 0.0;  ///< 0 where none is found
+        double sd = 0.0;
+        double lower95 = 0.0, upper95 = 0.0;  ///< nan where none is found
+        double least = 0.0;                   ///< below it noise cannot be told from none
+    };
+    std::vector<Diffusion> diffusion;  ///< empty unless process noise is estimated
     /// Per parameter: the estimate minus that at ten times looser matching, in sds of this difference; empty: not
     /// known.
     std::vector<std::pair<std::string, double>> shift;

@@ -26,7 +26,8 @@ struct Matching {
         automatic,  ///< exact for an experiment that follows the model, estimated for others
         exact,      ///< to far below the errors of the readings
         given,      ///< normal errors of a known sd
-        estimated   ///< normal errors, their sd estimated
+        estimated,  ///< normal errors, their sd estimated
+        diffusion   ///< errors of a process noise that is estimated, see orbits::Continuity::Kind::diffusion
     };
     Kind kind = Kind::automatic;
     double sd = 0.0;  ///< given: share of each coordinate's range, > 0

@@ -200,8 +200,7 @@ std::string series_doubt(const models::System& system, const StageRun& run) {
         const orbits::ShootingResidual& one = *series[i];
         if (std::string doubt = doubt_of_links(one, estimate.active[i], estimate, estimate.latents[i]); !doubt.empty())
             return doubt;
-        const auto readings = one.groups().size() - static_cast<std::size_t>(one.range().size());
-        for (std::size_t g = 0; g < readings; ++g) {
+        for (std::size_t g = 0; g < one.reading_groups(); ++g) {
             const auto* scale = scale_of(estimate, one.groups()[g].name);
             if (scale == nullptr) return "its errors have no scale";
             const StateResiduals left =

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "estimator/exploration/multi_start.hpp"
+#include "identification/stages/noise_estimate.hpp"
 #include "identification/starts/series_start.hpp"
 
 namespace orbid::identification {
@@ -74,7 +75,9 @@ estimator::Estimate affordable_estimate(const StageInput& input, const SeriesSta
             spent = work > start.affordable;
             return spent || (interrupted && interrupted());
         };
-    estimator::Estimate estimate = estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
+    estimator::Estimate estimate = has_process_noise(residuals)
+                                       ? estimate_with_noise(parameters, residuals, input.setup.derived, options)
+                                       : estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
     if (spent && estimate.status == estimator::EstimateStatus::interrupted) {
         estimate.status = estimator::EstimateStatus::iteration_limit;
         estimate.message = "given up: no start explains the readings, and more steps would cost too much";

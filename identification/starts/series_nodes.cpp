@@ -21,6 +21,7 @@ orbits::Continuity matching(const IdentificationProblem& problem, const Experime
     const bool perfect =
         asked.kind == Matching::Kind::exact || (asked.kind == Matching::Kind::automatic && data.follows_model);
     result.kind = perfect ? orbits::Continuity::Kind::exact : orbits::Continuity::Kind::normal;
+    if (asked.kind == Matching::Kind::diffusion) result.kind = orbits::Continuity::Kind::diffusion;
     result.estimate = !perfect && asked.kind != Matching::Kind::given;
     if (asked.kind == Matching::Kind::given) result.share = asked.sd;
     return result;

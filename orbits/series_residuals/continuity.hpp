@@ -16,13 +16,16 @@ namespace orbid::orbits {
 /// start, even from the true parameters.
 struct Continuity {
     enum class Kind {
-        exact,     ///< the model is right: an error far too small for readings to show, see exact_tightness
-        normal,    ///< normal errors
+        exact,   ///< the model is right: an error far too small for readings to show, see exact_tightness
+        normal,  ///< normal errors
+        /// Errors of a diffusion that acts on every coordinate but those whose equation is x' = v, which integrate it
+        /// (process_noise.hpp). Its scales, in the coordinate's unit per root second, are always estimated.
+        diffusion,
         student_t  ///< Student's t with `dof`: an interval on the wrong branch of a fold does not hold back others
     };
     Kind kind = Kind::exact;
     Eigen::VectorXd sd;     ///< shape (n), in the coordinates' units, > 0; not read for exact matching
-    bool estimate = false;  ///< sds are starts of estimated scales; empty `sd`: from the defects
+    bool estimate = false;  ///< sds are starts of estimated scales; empty `sd`: from the defects. True for a diffusion
     double dof = 4.0;       ///< student_t
     /// Continuity by equality constraints, tightened by the estimator itself; exact only.
     bool constraints = false;
@@ -63,6 +66,9 @@ inline constexpr double least_tightness = 1e-4;
     if (sampled) return noise * sampled_tightness;
     return noise * std::clamp(noisy_tightness * noise, least_noisy_tightness, most_noisy_tightness);
 }
+
+/// Smallest estimated diffusion: of an interval, over the sd of the readings, both relative to the ranges.
+inline constexpr double least_diffusion = 1e-4;
 
 /// Below this an estimated matching sd cannot be distinguished from exact matching: the floor of its scale. Of noisy
 /// sections it is lower than where exact matching ends, for errors of a model may be that small.

@@ -32,15 +32,15 @@ Continuity looser(const ShootingResidual& residual, const estimator::ActiveSet& 
 }
 
 ContinuityReport matching_report(const ShootingResidual& residual, const estimator::ActiveSet& active,
-                                 const VectorXd& theta, const std::vector<VectorXd>& latents) {
+                                 const VectorXd& theta, const std::vector<VectorXd>& latents, const VectorXd& sd) {
     ContinuityReport report;
-    report.sd = residual.matching_sd(active);
+    report.sd = sd.size() > 0 ? sd : residual.matching_sd(active);
     report.noise = residual.noise(active);
     report.defect = residual.defect(active, theta, latents, report.sd);
     const Continuity::Kind kind = residual.matching().kind;
     const auto n = static_cast<double>(report.sd.size());
     if (kind != Continuity::Kind::exact)
-        report.expected = std::min(1.0, n * (kind == Continuity::Kind::normal ? normal_beyond : student_beyond));
+        report.expected = std::min(1.0, n * (kind == Continuity::Kind::student_t ? student_beyond : normal_beyond));
     const auto count = static_cast<double>(report.defect.count);
     // Three times what is expected, and three by chance.
     const double allowed = 3.0 + 3.0 * report.expected * count;

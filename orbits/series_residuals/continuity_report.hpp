@@ -33,9 +33,11 @@ inline constexpr double looser_matching = 10.0;
 [[nodiscard]] Continuity looser(const ShootingResidual& residual, const estimator::ActiveSet& active);
 
 /// Defects at an estimate, with warnings.
+/// @param sd  of matching, shape (n), as estimated; empty: those of the set.
 [[nodiscard]] ContinuityReport matching_report(const ShootingResidual& residual, const estimator::ActiveSet& active,
                                                const Eigen::VectorXd& theta,
-                                               const std::vector<Eigen::VectorXd>& latents);
+                                               const std::vector<Eigen::VectorXd>& latents,
+                                               const Eigen::VectorXd& sd = {});
 
 /// Adds the second estimate. Parameters without a sd (nan) have no shift.
 /// @param names   of the parameters, for the warnings.

@@ -121,7 +121,10 @@ models::FlowOptions ShootingResidual::stage_flow(const estimator::ActiveSet& act
     constexpr double share = 0.003;
     constexpr double roughest = 1e-7;
     models::FlowOptions flow = data_->options.flow;
-    const double enough = matching_.constraints ? 0.0 : std::min(roughest, share * active.memory.front()[tightness]);
+    // A diffusion leaves coordinates that integrate it less room.
+    const double room = noise_ ? std::min(1.0, unit_.cwiseQuotient(data_->range).minCoeff()) : 1.0;
+    const double enough =
+        matching_.constraints ? 0.0 : std::min(roughest, share * room * active.memory.front()[tightness]);
     flow.relative_tolerance = std::max(flow.relative_tolerance, enough);
     flow.absolute_tolerance = std::max(flow.absolute_tolerance, enough);
     return flow;
@@ -279,6 +282,7 @@ BlockValue ShootingResidual::value(const Simulated& run, Index k, std::size_t b,
         if (derivatives) load(match);
         set_match(wrapped_difference(system, latents[b + 1], run.states.col(run.column(k, match))), linked, state,
                   estimated, value);
+        if (noise_) whiten(data.plan.nodes[b].pattern, value);
     }
     if (!value.e.allFinite() || !value.c.allFinite() || !value.e_theta.allFinite() || !value.e_z.allFinite())
         value.status = BlockStatus::failed;

@@ -4,8 +4,8 @@
 #include <cassert>
 #include <cmath>
 
-#include "models/arithmetic/median.hpp"
 #include "orbits/records/refusal.hpp"
+#include "orbits/series_residuals/process_noise.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/state_track.hpp"
 #include "orbits/simulation/transition.hpp"
@@ -15,12 +15,6 @@ namespace orbid::orbits {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-namespace {
-
-constexpr double normal_median = 1.4826;  // sd of a normal error over the median of its absolute value
-
-}  // namespace
 
 ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system, models::ParameterBinding binding,
                                    Series series, ShootingOptions options)
@@ -37,8 +31,11 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     data->options.followed.reset();
     data->options.following_work = nullptr;
     const FollowedSeries& known = *data->followed;
-    data->interval = data->options.interval > 0
-                         ? data->options.interval
+    // Noise acts between any two readings.
+    const bool diffusion = matching_.kind == Continuity::Kind::diffusion;
+    data->interval = data->options.interval > 0 ? data->options.interval
+                     : diffusion
+                         ? 1
                          : shooting_interval(data->systems, known.states.empty() ? all : known.theta, data->series,
                                              data->options.sensor, data->options.segments, known.states);
     data->plan = plan_shooting(data->system(), data->series, data->options.segments, data->observed,
@@ -47,6 +44,7 @@ ShootingResidual::ShootingResidual(std::shared_ptr<const models::System> system,
     guess_nodes(all);
     take_ranges(*data);
     check_matching();
+    find_process_noise();
     make_groups();
     make_layout();
     begin_matching(start_theta());
@@ -89,6 +87,7 @@ ShootingResidual ShootingResidual::with(const Continuity& matching, const estima
     ShootingResidual other = *this;
     other.matching_ = matching;
     other.check_matching();
+    other.find_process_noise();
     if (!latents.empty()) {
         assert(latents.size() == initial_.latents.size());
         other.initial_.latents = std::move(latents);
@@ -158,6 +157,11 @@ void ShootingResidual::begin_matching(const VectorXd& theta) {
             group.scale.value = std::max(group.floor, noise[g] * data.reading_range[static_cast<std::size_t>(g)]);
     }
     unit_ = data.range;
+    if (noise_)
+        for (const NoiseChain& chain : noise_->chains)
+            for (const Index i : chain.coordinates)
+                unit_[i] = data.range[chain.coordinates.front()] * noise_->usual.deviation[i] /
+                           noise_->usual.deviation[chain.coordinates.front()];
     initial_.memory.assign(1, VectorXd::Zero(memory_size));
     initial_.is_intermediate_stage = false;
     VectorXd& memory = initial_.memory.front();
@@ -193,11 +197,13 @@ void ShootingResidual::apply_matching(estimator::ActiveSet& active) const {
     const VectorXd& memory = active.memory.front();
     active.is_intermediate_stage = memory[tightness] > memory[final_tightness];
     const std::size_t first = data_->reading_range.size();
-    for (Index i = 0; i < unit_.size(); ++i) {
+    const double least =
+        noise_ ? least_diffusion * memory[reading_noise] : least_matching(memory[reading_noise], sampled());
+    const VectorXd unit = noise_ ? noise_scale_unit() : unit_;
+    for (Index i = 0; i < unit.size(); ++i) {
         estimator::Group& group = active.groups[first + static_cast<std::size_t>(i)];
-        group.scale.value = memory[tightness] * unit_[i];
-        if (matching_.estimate)
-            group.floor = std::min(least_matching(memory[reading_noise], sampled()) * unit_[i], group.scale.value);
+        group.scale.value = memory[tightness] * unit[i];
+        if (matching_.estimate) group.floor = std::min(least * unit[i], group.scale.value);
     }
 }
 
@@ -235,59 +241,6 @@ void ShootingResidual::predict_scales(estimator::ActiveSet& active, const Vector
         // An upper bound: never upwards.
         group.scale.value = std::max(group.floor, std::min(group.scale.value, told));
     }
-}
-
-/// The same from their residuals. While matching is loose, nodes take as many readings as they have coordinates.
-void ShootingResidual::read_scales(estimator::ActiveSet& active, const VectorXd& theta,
-                                   const std::vector<VectorXd>& latents, bool loose) const {
-    constexpr double least_freedom = 0.2;  // of the readings: fewer tell no scale
-    std::vector<std::vector<double>> sizes(data_->reading_range.size());
-    const auto values = evaluate(active, theta, latents, false);
-    for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!active.layout[b].active || values[b].status != estimator::BlockStatus::ok) continue;
-        const auto readings = data_->plan.of(b);
-        for (std::size_t r = 0; r < readings.size(); ++r)
-            sizes[static_cast<std::size_t>(readings[r].group)].push_back(std::abs(values[b].e[static_cast<Index>(r)]) /
-                                                                         readings[r].deviation);
-    }
-    double readings = 0.0;
-    for (const auto& of_group : sizes)
-        readings += static_cast<double>(of_group.size());
-    const double nodes = static_cast<double>(values.size()) * static_cast<double>(data_->system().dimension());
-    const double freedom = readings > 0.0 ? 1.0 - nodes / readings : 0.0;
-    for (std::size_t g = 0; g < sizes.size(); ++g) {
-        estimator::Group& group = active.groups[g];
-        if (!group.scale.estimate || sizes[g].empty()) continue;
-        const double told = normal_median * models::upper_median(std::move(sizes[g]));
-        if (!loose)
-            group.scale.value = std::max(group.floor, told);
-        else if (freedom > least_freedom)
-            group.scale.value = std::max(group.floor, std::min(group.scale.value, told / std::sqrt(freedom)));
-    }
-}
-
-ShootingResidual::Defect ShootingResidual::defect(const estimator::ActiveSet& active, const VectorXd& theta,
-                                                  const std::vector<VectorXd>& latents, const VectorXd& sd) const {
-    const VectorXd limit = 3.0 * (sd.size() > 0 ? sd : matching_sd(active));
-    const Index n = data_->system().dimension();
-    Defect result{VectorXd::Zero(n), VectorXd::Zero(n), 0, 0};
-    std::vector<std::vector<double>> sizes(static_cast<std::size_t>(n));
-    const auto values = evaluate(active, theta, latents, false);
-    for (std::size_t b = 0; b < values.size(); ++b) {
-        if (!active.layout[b].active || !data_->plan.nodes[b].linked || !active.layout[b + 1].active ||
-            values[b].status != estimator::BlockStatus::ok)
-            continue;
-        const VectorXd d = matching_.constraints ? values[b].c : VectorXd(values[b].e.tail(n));
-        ++result.count;
-        if ((d.array().abs() > limit.array()).any()) ++result.large;
-        result.rms += d.cwiseAbs2();
-        for (Index i = 0; i < n; ++i)
-            sizes[static_cast<std::size_t>(i)].push_back(std::abs(d[i]));
-    }
-    result.rms = (result.rms / static_cast<double>(std::max<std::size_t>(result.count, 1))).cwiseSqrt();
-    for (Index i = 0; i < n; ++i)
-        result.typical[i] = normal_median * models::upper_median(std::move(sizes[static_cast<std::size_t>(i)]));
-    return result;
 }
 
 }  // namespace orbid::orbits

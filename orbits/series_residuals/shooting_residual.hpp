@@ -22,6 +22,8 @@
 
 namespace orbid::orbits {
 
+struct ProcessNoise;
+
 /// The states of a record whose readings do not tell them one by one; residuals with the same start share them.
 struct FollowedSeries {
     std::vector<Eigen::MatrixXd> states;  ///< by segment of the series, shape (n, samples); none: nothing is followed
@@ -39,7 +41,8 @@ struct ShootingOptions {
     std::vector<estimator::ErrorScale> errors;
     std::vector<ErrorForm> forms;  ///< likewise; empty = all normal with one sd
     Continuity matching;
-    /// Sampling intervals (sections) from node to node, > 0; 0: chosen by how errors grow, see interval().
+    /// Sampling intervals (sections) from node to node, > 0; 0: chosen by how errors grow, see interval(), and 1 for a
+    /// diffusion. Readings between nodes count as if no noise had acted since the node.
     Eigen::Index interval = 0;
     /// Models with measured inputs: one signal per segment of the series, see SeriesResidualOptions::inputs.
     std::vector<std::shared_ptr<const models::InputSignal>> inputs;
@@ -66,7 +69,8 @@ struct ShootingOptions {
 /// and crossings with times of autonomous flows as samples at those times. For an angle_difference sensor the residuals
 /// are the two angle readings, whose errors are independent, not the angle and the quotient, which share one. Their
 /// group is "<name>.<angle>", with floor step / sqrt 12. Missing samples have no record; angles are compared modulo a
-/// turn. Groups: one per observed coordinate, then "<name>.matching.<coordinate>" for every coordinate of the model.
+/// turn. Groups: one per observed coordinate, then "<name>.matching.<coordinate>" for every coordinate of the model. Of
+/// a diffusion "<name>.noise.<coordinate>" for every one that noise enters, whose scale is the root of the diffusion.
 ///
 /// Phases of nodes are that of the section, or series.phase + omega t; derivatives to an estimated omega are complete
 /// in both. A failed flow (as in grazing) fails only its own block. A transient that ends in standstill keeps its tail:
@@ -128,10 +132,17 @@ public:
     [[nodiscard]] double reading_range(std::size_t group) const { return data_->reading_range[group]; }
     /// Indices of the segments that are fitted.
     [[nodiscard]] const std::vector<std::size_t>& fitted() const { return data_->options.segments; }
-    /// Matching sds of a set, shape (n); 0 when matching is by constraints.
+    /// Matching sds of a set, shape (n); 0 when matching is by constraints. Of a diffusion those over an interval of
+    /// the usual duration: of coordinates that integrate it, of what the noise they integrate does not tell of them.
     [[nodiscard]] Eigen::VectorXd matching_sd(const estimator::ActiveSet& active) const {
         return active.memory.front()[tightness] * unit_;
     }
+    /// The same at scales of the groups, shape (groups).
+    [[nodiscard]] Eigen::VectorXd matching_sd(const Eigen::VectorXd& scales) const;
+    /// How many groups are those of readings; those of matching come after them.
+    [[nodiscard]] std::size_t reading_groups() const { return data_->reading_range.size(); }
+    /// The coordinates that noise enters, in the order of their groups; empty unless matching is a diffusion.
+    [[nodiscard]] std::vector<Eigen::Index> noisy_coordinates() const;
     [[nodiscard]] const Continuity& matching() const { return matching_; }
     /// Largest sd of a reading over its range, as far as known.
     [[nodiscard]] double noise(const estimator::ActiveSet& active) const {
@@ -184,7 +195,12 @@ private:
     void check_matching() const;
     void take_ranges(Data& data);
     void guess_nodes(const Eigen::VectorXd& all);
+    void find_process_noise();
+    [[nodiscard]] Eigen::VectorXd noise_scale_unit() const;
     void make_groups();
+    void make_matching_groups();
+    void set_link_errors(std::size_t node, estimator::BlockLayout& block) const;
+    void whiten(std::size_t pattern, estimator::BlockValue& value) const;
     void make_layout();
     void begin_matching(const Eigen::VectorXd& theta);
     void apply_matching(estimator::ActiveSet& active) const;
@@ -213,6 +229,7 @@ private:
     Continuity matching_;
     estimator::ActiveSet initial_;  ///< memory: see Memory
     Eigen::VectorXd unit_;          ///< matching sds over their tightness: the ranges, or in the requested proportions
+    std::shared_ptr<const ProcessNoise> noise_;  ///< of a diffusion, else none
 };
 
 }  // namespace orbid::orbits

@@ -6,6 +6,7 @@
 
 #include "orbits/records/refusal.hpp"
 #include "orbits/series_residuals/observed_channels.hpp"
+#include "orbits/series_residuals/process_noise.hpp"
 #include "orbits/series_residuals/shooting_residual.hpp"
 #include "orbits/simulation/node_state.hpp"
 #include "orbits/simulation/state_track.hpp"
@@ -90,6 +91,11 @@ void ShootingResidual::check_matching() const {
                           matching_.sd.size(), n);
     for (const double sd : matching_.sd)
         channels.require_call(sd > 0.0 && std::isfinite(sd), "a matching sd is {}, must be > 0", sd);
+    channels.require_call(
+        matching_.kind != Continuity::Kind::diffusion || (matching_.estimate && matching_.sd.size() == 0),
+        "the diffusion of process noise is estimated, and begins at what nodes leave");
+    channels.require(matching_.kind != Continuity::Kind::diffusion || sampled(),
+                     "process noise needs samples in time: over a whole period it depends on all of the course");
     channels.require_call(matching_.kind == Continuity::Kind::exact || matching_.estimate || matching_.sd.size() > 0,
                           "matching with an error of its own needs its sds, or to estimate them");
     channels.require_call(!matching_.estimate || matching_.kind != Continuity::Kind::exact,
@@ -194,15 +200,24 @@ void ShootingResidual::make_groups() {
         }
         initial_.groups.push_back(std::move(group));
     }
-    if (matching_.constraints) return;
-    for (const models::Coordinate& coordinate : data.system().coordinates()) {
+    if (!matching_.constraints) make_matching_groups();
+}
+
+void ShootingResidual::make_matching_groups() {
+    const auto coordinates = data_->system().coordinates();
+    const bool diffusion = matching_.kind == Continuity::Kind::diffusion;
+    std::vector<Index> own = noisy_coordinates();
+    for (Index i = 0; !diffusion && i < std::ssize(coordinates); ++i)
+        own.push_back(i);
+    for (const Index i : own) {
+        const models::Coordinate& coordinate = coordinates[static_cast<std::size_t>(i)];
         estimator::Group group;
-        group.name = fmt::format("{}.matching.{}", data.options.name, coordinate.name);
-        group.unit = coordinate.unit;
+        group.name = fmt::format("{}.{}.{}", data_->options.name, diffusion ? "noise" : "matching", coordinate.name);
+        group.unit = diffusion ? root_diffusion_unit(coordinate.unit) : std::string(coordinate.unit);
         group.scale.estimate = matching_.estimate;
         group.slack = matching_.kind == Continuity::Kind::exact || matching_.estimate;
         // Exact matching is approached with Student's t: as its sd falls below what defects need, both are the same.
-        if (matching_.kind != Continuity::Kind::normal)
+        if (matching_.kind == Continuity::Kind::exact || matching_.kind == Continuity::Kind::student_t)
             group.distribution = estimator::StudentErrors{{false, matching_.dof, estimator::FlatPrior{}}};
         initial_.groups.push_back(std::move(group));
     }
@@ -232,12 +247,13 @@ void ShootingResidual::make_layout() {
                 block.constraint_size = data.range;
             } else {
                 block.linked_from = std::ssize(block.group);
-                for (Index i = 0; i < n; ++i)
+                for (Index i = 0; !noise_ && i < n; ++i)
                     block.group.push_back(first + static_cast<int>(i));
+                if (noise_) set_link_errors(b, block);
             }
         }
         if (known_sds) {
-            block.deviation = VectorXd::Ones(std::ssize(block.group));
+            if (block.deviation.size() == 0) block.deviation = VectorXd::Ones(std::ssize(block.group));
             for (std::size_t r = 0; r < readings.size(); ++r)
                 block.deviation[static_cast<Index>(r)] = readings[r].deviation;
         }

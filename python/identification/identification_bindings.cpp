@@ -118,8 +118,14 @@ py::list stage_list(const Identified& one) {
 
 py::list matching_list(const Identified& one) {
     return listed(one.stages.matching, [](const identification::MatchingResult& of) {
+        py::dict diffusion;
+        for (const identification::MatchingResult::Diffusion& noise : of.diffusion)
+            diffusion[noise.name.c_str()] = py::dict("value"_a = noise.value, "sd"_a = noise.sd,
+                                                     "interval95"_a = py::make_tuple(noise.lower95, noise.upper95),
+                                                     "unit"_a = noise.unit, "least"_a = noise.least);
         return py::dict("experiment"_a = of.experiment, "interval"_a = of.interval, "intervals"_a = of.intervals,
-                        "large"_a = of.large, "expected"_a = of.expected, "warnings"_a = of.warnings);
+                        "large"_a = of.large, "expected"_a = of.expected, "diffusion"_a = diffusion,
+                        "warnings"_a = of.warnings);
     });
 }
 

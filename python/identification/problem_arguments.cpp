@@ -109,6 +109,18 @@ id::Matching matching(py::handle value, const std::string& where) {
     return {Kind::given, finite_number(sd, where + ": sd")};
 }
 
+/// dynamics={"noise": "none" | "estimate"}
+bool noise_is_estimated(NamedArguments& given) {
+    const py::object described = given.find_value("dynamics");
+    if (!described) return false;
+    NamedArguments dynamics(given.place("dynamics"), described);
+    const py::object noise = dynamics.find("noise");
+    dynamics.finish();
+    if (!noise || !py::isinstance<py::str>(noise))
+        throw py::type_error(given.place("dynamics") + ": 'noise' must be \"none\" or \"estimate\"");
+    return choice_of(noise.cast<std::string>(), {"none", "estimate"}, given.place("dynamics") + ": noise") == 1;
+}
+
 id::SeriesChoice series_choice(NamedArguments& given, const id::IdentificationProblem& problem) {
     id::SeriesChoice result;
     result.data = experiments(given, problem);
@@ -120,6 +132,13 @@ id::SeriesChoice series_choice(NamedArguments& given, const id::IdentificationPr
             result.interval.reset();
     }
     result.matching = matching(given.find("matching"), given.place("matching"));
+    if (noise_is_estimated(given)) {
+        if (!result.interval || result.matching.kind != id::Matching::Kind::automatic)
+            throw py::value_error(given.place("dynamics") +
+                                  ": process noise acts between nodes that need not meet: "
+                                  "leave out 'matching' and interval=\"segment\"");
+        result.matching = {id::Matching::Kind::diffusion, 0.0};
+    }
     result.errors = record_errors(given, problem, result.data);
     return result;
 }

@@ -64,6 +64,24 @@ std::vector<ErrorJob> errors_at_nodes(const Job& job, const WaveformResidualJob&
     return errors;
 }
 
+/// With process noise states are integrated out while parameters are estimated, and only there.
+void check_process_noise(ObjectReader& object, const EstimateJob& estimate) {
+    if (!estimate.series || estimate.series->matching.kind != MatchingJob::Kind::diffusion) return;
+    const auto refuse = [&](bool asked, const char* key) {
+        if (asked) object.find(key)->report(fmt::format("with process noise: {}", not_in_this_version));
+    };
+    refuse(estimate.profile.any(), "profile");
+    refuse(estimate.marginals.any(), "marginals");
+    refuse(estimate.sample.draws > 0, "posterior");
+    refuse(estimate.intervals.bootstrap > 0, "intervals");
+    refuse(!estimate.joint_priors.empty(), "joint_priors");
+    for (const FreeParameterJob& free : estimate.parameters)
+        if (estimator::is_proper(free.value.prior))
+            object.find("parameters")
+                ->report(fmt::format("a prior of {} with process noise: {}; \"bounds\" are possible", free.value.name,
+                                     not_in_this_version));
+}
+
 }  // namespace
 
 void add_waveform_start(const Job& job, EstimateJob& estimate) {
@@ -118,6 +136,7 @@ void read_estimate(ObjectReader& root, Job& job) {
         }
     }
     read_fields(object, describe::estimate_fields(), estimate, job);
+    describe::check_process_noise(object, estimate);
     object.finish();
     if (!strategy) describe::add_waveform_start(job, estimate);
     job.estimate = std::move(estimate);

@@ -43,9 +43,26 @@ Json matching_document(const SeriesResidualJob& series, const Writing&) {
         case MatchingJob::Kind::estimated:
             return {{"sd", "estimate"}};
         case MatchingJob::Kind::automatic:
+        case MatchingJob::Kind::diffusion:
             break;
     }
     return "auto";
+}
+
+/// { "noise": "none" } or { "noise": "estimate" }.
+void read_dynamics(const ValueReader& value, const Job&, SeriesResidualJob& series) {
+    ObjectReader object(value);
+    const auto noise = object.find("noise");
+    const bool estimated = noise && noise->choice({"none", "estimate"}) == 1;
+    object.finish();
+    if (!estimated) return;
+    if (series.matching.kind != MatchingJob::Kind::automatic)
+        value.report("process noise is the error of nodes that do not meet: leave out \"matching\", or say \"auto\"");
+    series.matching.kind = MatchingJob::Kind::diffusion;
+}
+
+Json dynamics_document(const SeriesResidualJob&, const Writing&) {
+    return {{"noise", "estimate"}};
 }
 
 void read_interval(const ValueReader& value, const Job&, SeriesResidualJob& series) {
@@ -93,6 +110,18 @@ void check_nodes(const ValueReader& at, const Job& job, const SeriesResidualJob&
     }
 }
 
+/// Process noise acts from node to node, over times that are short.
+void check_noise(ObjectReader& object, bool sections, const SeriesResidualJob& series) {
+    if (series.matching.kind != MatchingJob::Kind::diffusion) return;
+    const auto dynamics = object.find("dynamics");
+    if (sections)
+        dynamics->report("process noise needs samples in time: between sections it depends on all of the course");
+    else if (const auto interval = object.find("interval"); interval && !interval->refused() && !series.interval)
+        dynamics->report(
+            "process noise acts from node to node, and whole segments have no nodes: use \"interval\": \"auto\" or a "
+            "number of samples");
+}
+
 /// Chooses nodes or whole segments. `staged`: the strategy chooses what is not given.
 void complete_shooting(ObjectReader& object, const Job& job, bool staged, SeriesResidualJob& series) {
     const bool sections = std::any_of(series.data.begin(), series.data.end(), [&](std::size_t index) {
@@ -100,10 +129,12 @@ void complete_shooting(ObjectReader& object, const Job& job, bool staged, Series
     });
     const bool has_sd =
         series.matching.kind == MatchingJob::Kind::given || series.matching.kind == MatchingJob::Kind::estimated;
+    const bool noisy = series.matching.kind == MatchingJob::Kind::diffusion;
+    check_noise(object, sections, series);
     auto interval = object.find("interval");
     if (interval && interval->refused()) interval.reset();
     // Samples over short segments need one free state each; whatever says that there is more to it asks for nodes.
-    const bool whole_segments = interval ? !series.interval : !sections && !has_sd && !staged;
+    const bool whole_segments = interval ? !series.interval : !sections && !has_sd && !noisy && !staged;
     if (interval && whole_segments && sections)
         interval->report("holds for samples: a section series is followed from section to section, \"auto\" or 1");
     if (interval && whole_segments && has_sd)
@@ -130,6 +161,16 @@ void check_short_intervals(const ValueReader& at, const SeriesResidualJob& serie
     if (!series.covariances.empty())
         at.report(fmt::format("a full covariance with nodes within a segment: {}; use \"interval\": \"segment\"",
                               not_in_this_version));
+}
+
+/// States are integrated out as normal ones.
+void check_normal_errors(ObjectReader& object, const SeriesResidualJob& series) {
+    if (series.matching.kind != MatchingJob::Kind::diffusion) return;
+    for (const ErrorJob& error : series.errors)
+        if (!std::holds_alternative<estimator::NormalErrors>(error.distribution)) {
+            object.find("dynamics")->report("process noise goes with normal errors of the readings");
+            return;
+        }
 }
 
 /// Whether a series over whole segments could have nodes as it is.
@@ -159,7 +200,15 @@ const FieldTable<SeriesResidualJob>& series_fields() {
                 .written_after("matching"),
             {key("matching", matching, "How well the end of one interval meets the beginning of the next.")
                  .by_default("auto"),
-             read_matching, matching_document}};
+             read_matching, matching_document},
+            Field<Series>{
+                key("dynamics",
+                    object({key("noise", choice({"none", "estimate"}),
+                                "\"estimate\": the model is disturbed by white noise, whose strength is estimated.")
+                                .required_always()}),
+                    "Errors of the model itself: a diffusion of every coordinate whose equation is not x' = v."),
+                read_dynamics, dynamics_document}
+                .written_if([](const Series& series) { return series.matching.kind == MatchingJob::Kind::diffusion; })};
         add_error_fields(fields);
         return fields;
     }();
@@ -195,6 +244,7 @@ void complete_series(ObjectReader& object, const Job& job, bool staged, SeriesRe
     read_errors(object, use, job, series.errors, series.covariances);
     if (series.interval) {
         check_short_intervals(object.self(), series);
+        check_normal_errors(object, series);
         return;
     }
     series.unless_errors_grow = series.unless_errors_grow && can_have_nodes(job, series);

@@ -99,7 +99,8 @@ std::string series_line(const Job& job) {
         return text + fmt::format("one trajectory per segment{}\n",
                                   series.unless_errors_grow ? ", nodes where errors grow along it" : "");
     text += *series.interval == SeriesResidualJob::automatic_interval
-                ? "nodes as far apart as errors allow"
+                ? (series.matching.kind == MatchingJob::Kind::diffusion ? "a node at every reading"
+                                                                        : "nodes as far apart as errors allow")
                 : fmt::format("a node every {} points", *series.interval);
     switch (series.matching.kind) {
         case MatchingJob::Kind::given:
@@ -108,6 +109,8 @@ std::string series_line(const Job& job) {
             return text + ", matched with a sd that is estimated\n";
         case MatchingJob::Kind::exact:
             return text + ", matched exactly\n";
+        case MatchingJob::Kind::diffusion:
+            return text + ", process noise between them is estimated\n";
         case MatchingJob::Kind::automatic:
             break;
     }

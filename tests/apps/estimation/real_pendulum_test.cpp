@@ -90,4 +90,26 @@ TEST_CASE("larger swings of a real pendulum are predicted from smaller ones", "[
     CHECK(predicted_rms(ours) < 0.26 * theirs);    // measured 0.13, twice that
 }
 
+TEST_CASE("process noise of a real pendulum stands in its result", "[apps][run]") {
+    const TemporaryFolder folder;
+    const json result = result_of(folder.path(), job_of("pendulum_swing_noise.json"), {"2", "3"}, {});
+    CHECK(result["status"] == "converged");
+    REQUIRE(result["matching"].size() == 1);
+    CHECK(result["matching"][0]["interval"] == 750);
+    const json& noise = result["matching"][0]["diffusion"];
+    REQUIRE(noise.size() == 1);  // none in phi' = phi_dot
+    const json& velocity = noise["phi_dot"];
+    CHECK(velocity["unit"] == "(rad/s)^2/s");
+    CHECK(velocity["at_bound"].is_null());
+    const double value = velocity["value"], scale = result["errors"]["series.noise.phi_dot"]["sd"];
+    CHECK_THAT(value, WithinAbs(scale * scale, 1e-12 * value));
+    CHECK(velocity["interval95"][0].get<double>() < value);
+    CHECK(velocity["interval95"][1].get<double>() > value);
+    CHECK(velocity["interval95"][0].get<double>() > 0.0);
+    // Dry friction is what it is on courses without noise (docs/real_data.md), to a tenth.
+    CHECK_THAT(result["parameters"]["c1"]["value"].get<double>(), WithinAbs(0.148, 0.015));
+    const json again = read_json(folder.path() / "out" / "job.json");
+    CHECK(again["estimate"]["residuals"][0]["dynamics"] == json{{"noise", "estimate"}});
+}
+
 }  // namespace real_pendulum_test
