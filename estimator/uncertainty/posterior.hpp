@@ -55,6 +55,13 @@ public:
     [[nodiscard]] const std::vector<Eigen::VectorXd>& latent_sds() const { return latent_sds_; }
     [[nodiscard]] const BlockArrow& arrow() const { return point_.standard.arrow; }  ///< in the coordinates u
     [[nodiscard]] const ReducedProblem& reduced_problem() const { return point_.reduced_problem; }  ///< likewise
+    /// Frees the factors and what else has a part for every block. What concerns the parameters alone stays:
+    /// covariances and identifiability.
+    void drop_factors() {
+        point_.standard = {};
+        point_.reduced_problem.drop_blocks();
+        latent_sds_ = {};
+    }
 
 private:
     void leave_out_slack();
