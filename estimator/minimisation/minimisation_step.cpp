@@ -35,12 +35,11 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
         trial.reason = StepRejection::block_failed;
         return trial;
     }
-    const std::vector<BlockValue>& from = minimum_.evaluation.values;
-    const std::vector<BlockValue>& to = trial.evaluation.values;
+    const BlockErrors to(trial.evaluation.values);
     trial.change = trial.prior.value - minimum_.prior.value;
-    trial.change += value_change(set_, problem_.laws, state_.psi, from, to);
+    trial.change += value_change(set_, problem_.laws, state_.psi, minimum_.errors, to);
     if (set_.constraints > 0)
-        trial.change += violation_change(set_, from, to) / (minimum_.matching * minimum_.matching);
+        trial.change += violation_change(set_, minimum_.errors, to) / (minimum_.matching * minimum_.matching);
     trial.curvature = 2.0 * (trial.change - step.slope);
     if (derivatives_at_trial_ && (step.curvature < gradient_judged_sds * gradient_judged_sds ||
                                   (stopping_.after_rejection() && judged_by_gradients(step.curvature))))
@@ -92,9 +91,7 @@ void Minimisation::adopt(const TrialStep& step, Trial trial, double misfit) {
     state_ = std::move(trial.state);
     minimum_.evaluation = std::move(trial.evaluation);
     drop_factors();
-    minimum_.rows = {};
-    minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
-    minimum_.drop_derivatives(set_);
+    minimum_.take_rows(problem_, set_, state_);
     minimum_.prior = std::move(trial.prior);
     derivatives_at_trial_ = true;
     if (last_.gain < 0.25)

@@ -25,6 +25,15 @@ constexpr double least_outside = 0.01;
 constexpr double most_outside = 0.075;
 /// With the others moved linearly the objective is too high (by 0.15 for that tail): accurate enough this close to 1.
 constexpr double linear_margin = 0.1;
+/// A minimisation with one parameter held ends with this much of a full step left, in sds: a few Gauss-Newton steps
+/// suffice, for what is left changes the rise to second order only.
+constexpr double held_step_left = 0.05;
+/// The same of long data, where each step counts. What is left is taken from the rise as the quadratic model has it: at
+/// most 0.01 of the root, a tenth of the margin above.
+constexpr double long_step_left = 0.3;
+/// Of long data, whose second side begins on the bent course of the first: beyond this many times the expected root a
+/// straight one may be better.
+constexpr double most_bent = 1.5;
 /// Of the points from which the full Hessian is told, in sds of the Gauss-Newton objective.
 constexpr double aside = 0.1;
 /// sd from the full Hessian over the Gauss-Newton one that is still called the same.
@@ -39,23 +48,22 @@ State moved(const Problem& problem, const BlockSet& set, State from, const Laten
     return from;
 }
 
-/// Twice the rise of Phi from the minimum to `values` at u; nan when it cannot be computed.
+/// Twice the rise of Phi from the minimum to `errors` at u; nan when it cannot be computed.
 double deviance(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
-                const Eigen::VectorXd& u, const std::vector<BlockValue>& values) {
+                const Eigen::VectorXd& u, const BlockErrors& errors) {
     const double prior = prior_at(problem, u).value - minimum.prior.value;
-    return 2.0 * (prior + value_change(set, problem.laws, state.psi, minimum.evaluation.values, values));
+    return 2.0 * (prior + value_change(set, problem.laws, state.psi, minimum.errors, errors));
 }
 
 /// The problem with one parameter held and the error parameters as they are.
-Problem held(const Problem& problem, Eigen::Index parameter, double u) {
+Problem held(const Problem& problem, Eigen::Index parameter, double u, double step_left) {
     Problem result = problem;
     result.lower[parameter] = result.upper[parameter] = u;
     for (NoiseModel& law : result.laws)
         for (ErrorCoordinate& coordinate : law.coordinates)
             coordinate.estimate = false;
-    // A few Gauss-Newton steps suffice: the remaining distance changes the rise to second order only.
     result.options.maximum_iterations = 10;
-    result.options.step_tolerance = 0.05;
+    result.options.step_tolerance = step_left;
     result.polished = false;
     result.options.progress = nullptr;
     result.options.watched = nullptr;
@@ -187,6 +195,7 @@ private:
     const Minimum& minimum_;
     const LatentCourse& course_;
     int& evaluations_;
+    bool long_;                      ///< each evaluation takes long
     Eigen::Index parameter_ = -1;    ///< the last one
     std::optional<State> opposite_;  ///< its minimum on the other side, where the course was bent
 };
@@ -197,7 +206,7 @@ double Sides::rise_at(const State& at) {
     const Evaluation evaluation = evaluate(problem_.residuals, set_, problem_.laws, at.theta, at.latents, false);
     ++evaluations_;
     if (!evaluation.failed.empty()) return nan_value;
-    return deviance(problem_, set_, state_, minimum_, at.u, evaluation.values);
+    return deviance(problem_, set_, state_, minimum_, at.u, BlockErrors(evaluation.values));
 }
 
 Sides::Side Sides::look(Eigen::Index parameter, const Eigen::VectorXd& step) {
@@ -205,18 +214,19 @@ Sides::Side Sides::look(Eigen::Index parameter, const Eigen::VectorXd& step) {
     Side side;
     const double u = state_.u[parameter] + step[parameter];
     if (std::exchange(parameter_, parameter) != parameter) opposite_.reset();
-    if (opposite_ && set_.constraints == 0) {
+    if (opposite_) {
         // An even bend is the same on both sides: what is left are terms of the third order.
         trial = moved(problem_, set_, *std::exchange(opposite_, std::nullopt), course_, 2.0 * step);
         side.rise = rise_at(trial);
         if (is_linear(side.rise)) return side;
     }
-    State straight = moved(problem_, set_, state_, course_, step);
-    const double rise = rise_at(straight);
-    if (is_linear(rise)) return {rise, false, Outcome::converged};
-    if (!(side.rise < rise)) trial = std::move(straight);
-    straight = {};
-    const Problem pinned = held(problem_, parameter, u);
+    if (!(std::sqrt(side.rise) < most_bent * reach)) {
+        State straight = moved(problem_, set_, state_, course_, step);
+        const double rise = rise_at(straight);
+        if (is_linear(rise)) return {rise, false, Outcome::converged};
+        if (!(side.rise < rise)) trial = std::move(straight);
+    }
+    const Problem pinned = held(problem_, parameter, u, long_ ? long_step_left : held_step_left);
     trial.u[parameter] = u;
     trial.theta[parameter] = problem_.coordinates[static_cast<std::size_t>(parameter)].natural(u);
     SolverStatistics ledger;
@@ -224,7 +234,9 @@ Sides::Side Sides::look(Eigen::Index parameter, const Eigen::VectorXd& step) {
     evaluations_ += ledger.evaluations;
     side = {nan_value, true, beside.outcome};
     if (beside.outcome == Outcome::start_failed || beside.outcome == Outcome::blocks_stopped) return side;
-    side.rise = deviance(problem_, set_, state_, minimum_, trial.u, beside.evaluation.values);
+    side.rise = deviance(problem_, set_, state_, minimum_, trial.u, beside.errors);
+    if (!long_) return side;
+    if (beside.remaining < long_step_left) side.rise -= beside.remaining * beside.remaining;
     opposite_ = std::move(trial);
     return side;
 }

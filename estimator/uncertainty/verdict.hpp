@@ -35,8 +35,8 @@ struct Verdict {
 /// The objective two sds to both sides of each parameter, the others at their best (at fixed error parameters). The
 /// signed roots of its rise, taken as normal, must leave between 1 and 7.5 % outside (4.55 % when all is normal). The
 /// others are first moved linearly, and brought to their minimum only when that is not accurate enough: 2 evaluations
-/// per parameter in the usual case. Where the first side needs a minimisation, the second one begins with the bend of
-/// the course that this has found, which often is accurate enough. The factors of the posterior are not needed.
+/// per parameter in the usual case. Where the first side of long data needs a minimisation, the second one begins with
+/// the bend of the course that this has found, which often is accurate enough. Factors of the posterior are not needed.
 [[nodiscard]] Verdict judge(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
                             const Posterior& posterior, const LatentCourse& course, const FullHessian& hessian,
                             int& evaluations);
