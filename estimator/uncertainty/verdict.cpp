@@ -173,7 +173,13 @@ class Sides {
 public:
     Sides(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
           const LatentCourse& course, int& evaluations)
-        : problem_(problem), set_(set), state_(state), minimum_(minimum), course_(course), evaluations_(evaluations) {}
+        : problem_(problem),
+          set_(set),
+          state_(state),
+          minimum_(minimum),
+          course_(course),
+          evaluations_(evaluations),
+          long_(is_long(set) && set.constraints == 0) {}
 
     struct Side {
         double rise = nan_value;  ///< twice that of Phi
@@ -215,7 +221,7 @@ Sides::Side Sides::look(Eigen::Index parameter, const Eigen::VectorXd& step) {
     const double u = state_.u[parameter] + step[parameter];
     if (std::exchange(parameter_, parameter) != parameter) opposite_.reset();
     if (opposite_) {
-        // An even bend is the same on both sides: what is left are terms of the third order.
+        // A bend is the same on both sides: what is left are terms of the third order.
         trial = moved(problem_, set_, *std::exchange(opposite_, std::nullopt), course_, 2.0 * step);
         side.rise = rise_at(trial);
         if (is_linear(side.rise)) return side;
