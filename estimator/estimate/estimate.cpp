@@ -111,6 +111,7 @@ Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& param
     // Only minima are compared from here on, and each has rows of its own.
     rounds.minimum.rows = {};
     judge_estimate(problem, rounds, state, posterior, result);
+    report_blocks(problem, rounds.set, state, rounds.minimum, posterior, result);
     if (rounds.minimum.kink) {
         result.trust_normal = false;
         result.distrust = "the minimum lies at a kink of the objective, whose sides have different curvatures";

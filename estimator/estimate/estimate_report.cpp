@@ -281,9 +281,13 @@ void report(const Problem& problem, const BlockSet& set, const State& state, con
     fill_derived(problem, state, posterior, derived, estimate);
     fill_scales(problem, set, state, minimum, posterior, estimate);
     fill_covariances(problem, state, posterior, estimate);
+    describe(problem, state, minimum, posterior, estimate);
+}
+
+void report_blocks(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
+                   const Posterior& posterior, Estimate& estimate) {
     fill_latents(problem, state, estimate);
     fill_blocks(set, minimum, posterior, estimate);
-    describe(problem, state, minimum, posterior, estimate);
 }
 
 void report_failure(const Problem& problem, const State& state, Estimate& estimate) {
