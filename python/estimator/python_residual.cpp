@@ -212,8 +212,9 @@ void PythonResidual::read_values(const estimator::ActiveSet& active, py::handle 
             values[b].status = estimator::BlockStatus::failed;
             continue;
         }
-        const Eigen::Index next =
-            active.layout[b].next >= 0 ? active.layout.at(static_cast<std::size_t>(active.layout[b].next)).latents : 0;
+        const Eigen::Index next = active.layout[b].next >= 0
+                                      ? active.layout.all().at(static_cast<std::size_t>(active.layout[b].next)).latents
+                                      : 0;
         values[b] = block_value(block, active.layout[b], next, parameters, derivatives, where);
         const std::string what = first_not_finite(values[b]);
         if (what.empty()) continue;
