@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "apps/results/checkpoint_archive.hpp"
@@ -126,6 +127,12 @@ inline void fields(apps::Archive& archive, Group& value) {
 inline void fields(apps::Archive& archive, BlockLayout& value) {
     auto& [label, group, shape, deviation, observed, latents, constraints, linked_from, next, size, active] = value;
     archive(label, group, shape, deviation, observed, latents, constraints, linked_from, next, size, active);
+}
+
+inline void fields(apps::Archive& archive, BlockLayouts& value) {
+    std::vector<BlockLayout> blocks = value;
+    archive(blocks);
+    if (archive.reading()) value = std::move(blocks);
 }
 
 inline void fields(apps::Archive& archive, ActiveSet& value) {

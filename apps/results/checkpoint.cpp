@@ -14,7 +14,7 @@ namespace {
 
 constexpr const char* file_name = "checkpoint.bin";
 // Changes with what is kept in a checkpoint: values of another layout must not be taken for ours.
-constexpr std::string_view checkpoint_format = "orbid-checkpoint/6";
+constexpr std::string_view checkpoint_format = "orbid-checkpoint/7";
 
 }  // namespace
 

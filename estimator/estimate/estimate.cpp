@@ -29,18 +29,22 @@ EstimateStatus status_of(Outcome outcome) {
 }
 
 /// Full Hessian and verdict, as far as asked for. A stop leaves the estimate without them.
-void judge_estimate(const Problem& problem, const OuterLoop& rounds, const State& state, const Posterior& posterior,
+void judge_estimate(const Problem& problem, const OuterLoop& rounds, const State& state, Posterior& posterior,
                     Estimate& result) try {
     const EstimateOptions& options = problem.options;
     const bool at_floor = std::any_of(rounds.minimum.error_at_floor.begin(), rounds.minimum.error_at_floor.end(),
                                       [](bool floor) { return floor; });
     result.hessian_ratio = Eigen::VectorXd::Constant(state.u.size(), nan_value);
     if (at_floor || !(options.verdict || options.full_hessian)) return;
-    const FullHessian hessian = full_hessian(problem, rounds.set, state, rounds.minimum, posterior, result.evaluations);
+    const LatentCourse course(posterior.arrow(), posterior.reduced_problem());
+    posterior.drop_factors();
+    const FullHessian hessian =
+        full_hessian(problem, rounds.set, state, rounds.minimum, posterior, course, result.evaluations);
     result.hessian_ratio = hessian.ratio;
     if (options.full_hessian && hessian.definite) result.log_integral -= 0.5 * hessian.ln_determinant;
     if (!options.verdict) return;
-    const Verdict verdict = judge(problem, rounds.set, state, rounds.minimum, posterior, hessian, result.evaluations);
+    const Verdict verdict =
+        judge(problem, rounds.set, state, rounds.minimum, posterior, course, hessian, result.evaluations);
     result.trust_normal = verdict.trust;
     result.distrust = verdict.reason;
 } catch (const models::Stopped&) {
@@ -98,7 +102,7 @@ Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& param
                .round = result.rounds,
                .objective = rounds.ledger.history.empty() ? nan_value : rounds.ledger.history.back().after},
               problem, state.theta);
-    const Posterior posterior(problem, rounds.set, state, rounds.minimum);
+    Posterior posterior(problem, rounds.set, state, rounds.minimum);
     report(problem, rounds.set, state, rounds.minimum, posterior, derived, result);
     result.log_integral = posterior.log_integral();
     result.objective = posterior.objective();
@@ -107,6 +111,7 @@ Estimate estimate_at(const Place& place, const std::vector<FreeParameter>& param
     // Only minima are compared from here on, and each has rows of its own.
     rounds.minimum.rows = {};
     judge_estimate(problem, rounds, state, posterior, result);
+    report_blocks(problem, rounds.set, state, rounds.minimum, posterior, result);
     if (rounds.minimum.kink) {
         result.trust_normal = false;
         result.distrust = "the minimum lies at a kink of the objective, whose sides have different curvatures";

@@ -169,7 +169,7 @@ void fill_scales(const Problem& problem, const BlockSet& set, const State& state
         for (std::size_t b = 0; b < set.blocks.size(); ++b)
             for (std::size_t i = 0; i < set.blocks[b].channel().size(); ++i)
                 if (set.blocks[b].channel()[i] == static_cast<int>(c)) {
-                    const double e = minimum.evaluation.values[b].e[static_cast<Eigen::Index>(i)];
+                    const double e = minimum.errors.e(b)[static_cast<Eigen::Index>(i)];
                     square += e * e;
                     ++scale.count;
                 }
@@ -203,7 +203,7 @@ void fill_blocks(const BlockSet& set, const Minimum& minimum, const Posterior& p
     for (std::size_t b = 0; b < set.blocks.size(); ++b) {
         const ActiveBlock& block = set.blocks[b];
         estimate.residuals[block.residual][block.block] = {};
-        estimate.residuals[block.residual][block.block].e = minimum.evaluation.values[b].e;
+        estimate.residuals[block.residual][block.block].e = minimum.errors.e(b);
         estimate.latent_sds[block.residual][block.block] = posterior.latent_sds()[b];
         ++estimate.counts[block.residual].used;
     }
@@ -281,9 +281,13 @@ void report(const Problem& problem, const BlockSet& set, const State& state, con
     fill_derived(problem, state, posterior, derived, estimate);
     fill_scales(problem, set, state, minimum, posterior, estimate);
     fill_covariances(problem, state, posterior, estimate);
+    describe(problem, state, minimum, posterior, estimate);
+}
+
+void report_blocks(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
+                   const Posterior& posterior, Estimate& estimate) {
     fill_latents(problem, state, estimate);
     fill_blocks(set, minimum, posterior, estimate);
-    describe(problem, state, minimum, posterior, estimate);
 }
 
 void report_failure(const Problem& problem, const State& state, Estimate& estimate) {

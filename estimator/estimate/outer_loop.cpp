@@ -17,7 +17,7 @@ std::string described(const Problem& problem, const BlockSet& set, const ActiveB
 
 /// What changes of a set whose blocks stay.
 ActiveSet without_blocks(ActiveSet set) {
-    set.layout.clear();
+    set.layout = {};
     set.latents.clear();
     return set;
 }
@@ -43,7 +43,7 @@ bool OuterLoop::suspend_stopped() {
     if (half_of_a_residual(set, minimum.stopped)) return false;
     for (const std::size_t b : minimum.stopped) {
         const ActiveBlock& block = set.blocks[b];
-        set.active[block.residual].layout[block.block].active = false;
+        set.active[block.residual].layout.edit()[block.block].active = false;
         ++counts[block.residual].lost;
     }
     return true;

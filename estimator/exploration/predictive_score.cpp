@@ -82,7 +82,7 @@ Estimate Folds::without(const std::vector<Place>& left_out) const {
     for (std::size_t r = 0; r < residuals.size(); ++r) {
         MappedResidualOptions change{{}, estimate.latents[r], estimate.active[r]};
         for (const Place& place : left_out)
-            if (place.residual == r) change.active->layout[place.block].active = false;
+            if (place.residual == r) change.active->layout.edit()[place.block].active = false;
         const std::vector<Group>& groups = change.active->groups;
         std::vector<bool> shared(groups.size(), false);
         for (const JointCovariance& covariance : residuals[r]->covariances())

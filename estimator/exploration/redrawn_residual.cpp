@@ -10,7 +10,8 @@ RedrawnResidual::RedrawnResidual(const Residual& inner, ActiveSet begin, std::ve
     assert(shifts_.size() == initial_.layout.size());
     initial_.is_intermediate_stage = false;
     for (std::size_t b = 0; b < shifts_.size(); ++b)
-        if (shifts_[b].size() > 0 && initial_.layout[b].observed.size() > 0) initial_.layout[b].observed += shifts_[b];
+        if (shifts_[b].size() > 0 && initial_.layout[b].observed.size() > 0)
+            initial_.layout.edit()[b].observed += shifts_[b];
 }
 
 std::vector<BlockValue> RedrawnResidual::evaluate(const ActiveSet& active, const Eigen::VectorXd& theta,

@@ -1,9 +1,12 @@
 #pragma once
 
 #include <cstddef>
+#include <initializer_list>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -106,6 +109,40 @@ struct BlockLayout {
     bool active = true;               ///< false: lost, deactivated or rejected; not used, but counted
 };
 
+/// The blocks of a residual, read like a std::vector<BlockLayout>. Copies share them until one is changed: each block
+/// of a long chain takes some hundred bytes, and several sets with the same blocks are held at once.
+class BlockLayouts {
+public:
+    BlockLayouts() = default;
+    // NOLINTNEXTLINE(google-explicit-constructor): a vector is what residuals make and return
+    BlockLayouts(std::vector<BlockLayout> blocks)
+        : blocks_(std::make_shared<std::vector<BlockLayout>>(std::move(blocks))) {}
+    BlockLayouts(std::initializer_list<BlockLayout> blocks) : BlockLayouts(std::vector<BlockLayout>(blocks)) {}
+
+    [[nodiscard]] const std::vector<BlockLayout>& all() const {
+        static const std::vector<BlockLayout> none;
+        return blocks_ ? *blocks_ : none;
+    }
+    // NOLINTNEXTLINE(google-explicit-constructor): see above
+    operator const std::vector<BlockLayout>&() const { return all(); }
+    /// For changes. What other copies share is copied first; references from before do not see the change.
+    [[nodiscard]] std::vector<BlockLayout>& edit() {
+        if (!blocks_ || blocks_.use_count() > 1) blocks_ = std::make_shared<std::vector<BlockLayout>>(all());
+        return *blocks_;
+    }
+
+    [[nodiscard]] std::size_t size() const { return all().size(); }
+    [[nodiscard]] bool empty() const { return all().empty(); }
+    [[nodiscard]] const BlockLayout& operator[](std::size_t b) const { return all()[b]; }
+    [[nodiscard]] const BlockLayout& front() const { return all().front(); }
+    [[nodiscard]] const BlockLayout& back() const { return all().back(); }
+    [[nodiscard]] auto begin() const { return all().begin(); }
+    [[nodiscard]] auto end() const { return all().end(); }
+
+private:
+    std::shared_ptr<std::vector<BlockLayout>> blocks_;  ///< null: none
+};
+
 enum class BlockStatus { ok, failed };
 
 /// e = y - yhat(theta, z) of one block in the unit of each record, with derivatives.
@@ -126,8 +163,8 @@ struct BlockValue {
 /// What may change of a residual between two minimisations, as a value: the estimator keeps one for each residual, and
 /// a run that continues stores it.
 struct ActiveSet {
-    std::vector<Group> groups;        ///< Residual::groups() with the present values of fixed scales
-    std::vector<BlockLayout> layout;  ///< Residual::layout() with the present blocks
+    std::vector<Group> groups;  ///< Residual::groups() with the present values of fixed scales
+    BlockLayouts layout;        ///< Residual::layout() with the present blocks
     /// One vector per block, of length layout[b].latents: where a block starts that is new or comes back.
     std::vector<Eigen::VectorXd> latents;
     /// This is an intermediate stage (with a continuity sd that update_active_set() will lower). It is minimised only

@@ -9,7 +9,7 @@ namespace orbid::estimator {
 
 ResidualPart::ResidualPart(const Residual& whole, std::size_t begin, std::size_t end)
     : whole_(whole), begin_(begin), end_(end), whole_set_(whole.initial_set()) {
-    std::vector<BlockLayout>& all = whole_set_.layout;
+    std::vector<BlockLayout>& all = whole_set_.layout.edit();
     if (!(begin < end) || end > all.size())
         throw std::invalid_argument("part of residual \"" + std::string(whole.type()) + "\": blocks " +
                                     std::to_string(begin) + " to " + std::to_string(end) + " of " +
@@ -23,7 +23,7 @@ ResidualPart::ResidualPart(const Residual& whole, std::size_t begin, std::size_t
             throw std::invalid_argument("part of residual \"" + std::string(whole.type()) + "\": block \"" +
                                         block.label + "\" is linked to another one than the following");
         if (block.next >= 0) block.next -= static_cast<std::ptrdiff_t>(begin);
-        initial_.layout.push_back(std::move(block));
+        initial_.layout.edit().push_back(std::move(block));
         initial_.latents.push_back(whole_set_.latents[b]);
     }
     if (share_.goes_on) {
@@ -31,7 +31,7 @@ ResidualPart::ResidualPart(const Residual& whole, std::size_t begin, std::size_t
         shared.label = all[end].label;
         shared.latents = all[end].latents;
         shared.active = all[end].active;
-        initial_.layout.push_back(std::move(shared));
+        initial_.layout.edit().push_back(std::move(shared));
         initial_.latents.push_back(whole_set_.latents[end]);
     }
     for (std::size_t b = 0; b < all.size(); ++b)
@@ -63,7 +63,8 @@ ActiveSet ResidualPart::whole_set(const ActiveSet& active) const {
     all.memory = active.memory;
     all.is_intermediate_stage = active.is_intermediate_stage;
     for (std::size_t b = begin_; b < end_; ++b)
-        all.layout[b].active = active.layout[b - begin_].active;
+        if (all.layout[b].active != active.layout[b - begin_].active)
+            all.layout.edit()[b].active = active.layout[b - begin_].active;
     return all;
 }
 
@@ -77,7 +78,8 @@ std::vector<BlockValue> ResidualPart::evaluate(const ActiveSet& active, const Ei
                                                const std::vector<Eigen::VectorXd>& latents, bool derivatives) const {
     ActiveSet all = whole_set(active);
     // A block without records here: the other residual knows it as the next one of the last.
-    if (share_.goes_on) all.layout[end_].active = active.layout.back().active;
+    if (share_.goes_on && all.layout[end_].active != active.layout.back().active)
+        all.layout.edit()[end_].active = active.layout.back().active;
     std::vector<BlockValue> values = whole_.evaluate(all, theta, whole_latents(latents), derivatives);
     std::vector<BlockValue> part(std::make_move_iterator(values.begin() + static_cast<std::ptrdiff_t>(begin_)),
                                  std::make_move_iterator(values.begin() + static_cast<std::ptrdiff_t>(end_)));

@@ -22,12 +22,11 @@ bool Minimisation::start(const std::function<void()>& begun) {
         minimum_.outcome = Outcome::start_failed;
         return false;
     }
-    minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
-    minimum_.drop_derivatives(set_);
+    minimum_.take_rows(problem_, set_, state_);
     minimum_.prior = prior_at(problem_, state_.u);
     minimum_.error_at_floor.assign(problem_.errors.size(), false);
     minimum_.error_at_ceiling = minimum_.error_at_floor;
-    minimum_.matching = ConstraintStages::first(violation(set_, minimum_.evaluation.values));
+    minimum_.matching = ConstraintStages::first(violation(set_, minimum_.errors));
     errors_.start(minimum_, state_, ledger_.round);
     return true;
 }

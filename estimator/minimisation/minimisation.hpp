@@ -71,7 +71,7 @@ private:
     void compare_slopes(const TrialStep& step, Trial& trial) const;
     [[nodiscard]] bool judged_by_gradients(double curvature) const;
     [[nodiscard]] bool decreases(Trial& trial);
-    void adopt(const TrialStep& step, Trial trial);
+    void adopt(const TrialStep& step, Trial trial, double misfit);
     bool end_at(std::vector<std::size_t> stopped);
     /// What is found where no step decreases the objective: no kink, one that a step leads away from, or the minimum.
     enum class Kink { none, left, minimum };

@@ -105,7 +105,7 @@ bool Minimisation::step_along_kink(const TrialStep& step) {
                                    set_.provisional});
         if (!accepted) continue;
         const double radius = radius_;
-        adopt(shorter, std::move(trial));
+        adopt(shorter, std::move(trial), misfit());
         radius_ = std::max(radius, shorter.length);
         return true;
     }

@@ -35,12 +35,11 @@ Minimisation::Trial Minimisation::evaluated(const TrialStep& step) {
         trial.reason = StepRejection::block_failed;
         return trial;
     }
-    const std::vector<BlockValue>& from = minimum_.evaluation.values;
-    const std::vector<BlockValue>& to = trial.evaluation.values;
+    const BlockErrors to(trial.evaluation.values);
     trial.change = trial.prior.value - minimum_.prior.value;
-    trial.change += value_change(set_, problem_.laws, state_.psi, from, to);
+    trial.change += value_change(set_, problem_.laws, state_.psi, minimum_.errors, to);
     if (set_.constraints > 0)
-        trial.change += violation_change(set_, from, to) / (minimum_.matching * minimum_.matching);
+        trial.change += violation_change(set_, minimum_.errors, to) / (minimum_.matching * minimum_.matching);
     trial.curvature = 2.0 * (trial.change - step.slope);
     if (derivatives_at_trial_ && (step.curvature < gradient_judged_sds * gradient_judged_sds ||
                                   (stopping_.after_rejection() && judged_by_gradients(step.curvature))))
@@ -82,17 +81,17 @@ bool Minimisation::decreases(Trial& trial) {
     return !trial.evaluation.any_failed;
 }
 
-void Minimisation::adopt(const TrialStep& step, Trial trial) {
-    last_ = {trial.gain, -trial.change, misfit(), step.mu == 0.0};
+/// @param misfit  where the step began
+void Minimisation::adopt(const TrialStep& step, Trial trial, double misfit) {
+    last_ = {trial.gain, -trial.change, misfit, step.mu == 0.0};
     stretch_ = last_.full && last_.gain > 0.3 && trial.curvature > 0.0
                    ? stretch_of_next(step.curvature / trial.curvature)
                    : 1.0;
     ++ledger_.iterations;
     state_ = std::move(trial.state);
     minimum_.evaluation = std::move(trial.evaluation);
-    minimum_.rows.clear();
-    minimum_.rows = linearise(set_, problem_.laws, minimum_.evaluation.values, problem_.coordinates, state_.theta);
-    minimum_.drop_derivatives(set_);
+    drop_factors();
+    minimum_.take_rows(problem_, set_, state_);
     minimum_.prior = std::move(trial.prior);
     derivatives_at_trial_ = true;
     if (last_.gain < 0.25)
@@ -104,6 +103,10 @@ void Minimisation::adopt(const TrialStep& step, Trial trial) {
 bool Minimisation::try_step(const TrialStep& step) {
     ++ledger_.trials;
     const double before = objective();
+    const double misfit_before = misfit();
+    // Values with derivatives take as much memory as factors. Most steps are accepted, and others factorise again.
+    const bool dropped = is_long(set_);
+    if (dropped) drop_factors();
     Trial trial = evaluated(step);
     const double predicted = step.predicted_decrease();
     if (predicted > 0.0) trial.gain = -trial.change / predicted;
@@ -115,9 +118,11 @@ bool Minimisation::try_step(const TrialStep& step) {
         radius_ = trial.keep * std::min(radius_, step.length);
         // Where rounding may hide what the next step gains, gradients at both ends judge it.
         derivatives_at_trial_ = judged_by_gradients(0.25 * step.curvature);
+        trial = {};
+        if (dropped) factorise_errors();
         return false;
     }
-    adopt(step, std::move(trial));
+    adopt(step, std::move(trial), misfit_before);
     if (problem_.options.progress) problem_.options.progress(ledger_.iterations, after);
     tell_step({.iteration = ledger_.iterations,
                .round = ledger_.round,

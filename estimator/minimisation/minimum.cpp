@@ -20,28 +20,21 @@ void tell_step(StepReport report, const Problem& problem, const Eigen::VectorXd&
     problem.options.watched(report);
 }
 
-void Minimum::drop_derivatives(const BlockSet& set) {
+void Minimum::take_rows(const Problem& problem, const BlockSet& set, const State& state) {
+    errors = BlockErrors(evaluation.values);
+    rows = {};
+    rows = linearise(set, problem.laws, evaluation.values, problem.coordinates, state.theta);
     if (set.latents == 0) return;
     const auto whole = [](const PartRows& part) { return part.records.rows.rows() == part.records.count; };
     const bool all = std::all_of(rows.begin(), rows.end(), [&](const BlockRows& block) {
         return std::all_of(block.parts.begin(), block.parts.end(), whole) &&
                std::all_of(block.linked_parts.begin(), block.linked_parts.end(), whole);
     });
-    if (!all) return;
-    // What stays is copied: freed one by one, the derivatives would leave holes all over the memory between what stays,
-    // and filling them takes longer than the copies.
-    std::vector<BlockValue> kept(evaluation.values.size());
-    for (std::size_t b = 0; b < kept.size(); ++b) {
-        kept[b].status = evaluation.values[b].status;
-        kept[b].e = evaluation.values[b].e;
-        kept[b].c = evaluation.values[b].c;
-    }
-    evaluation.values = std::move(kept);
-    derivatives_dropped_ = true;
+    if (all) evaluation.values = {};
 }
 
 std::vector<BlockRows> Minimum::all_rows(const Problem& problem, const BlockSet& set, const State& state) const {
-    if (derivatives_dropped_) return rows;
+    if (evaluation.values.empty()) return rows;
     return linearise(set, problem.laws, evaluation.values, problem.coordinates, state.theta, false);
 }
 

@@ -19,11 +19,11 @@ enum class Outcome { converged, no_progress, iteration_limit, interrupted, block
 struct Minimum {
     Outcome outcome = Outcome::start_failed;
     std::string message;
-    /// At the state. Derivatives stay only where `rows` are shortened; see drop_derivatives().
-    Evaluation evaluation;
-    std::vector<BlockRows> rows;         ///< linearisation at the state
-    PriorModel prior;                    ///< at the state
-    BoundedStep step;                    ///< the remaining full step: its basis and active bounds describe the minimum
+    Evaluation evaluation;        ///< at the state; its values stay only where `rows` are shortened, see linearise()
+    BlockErrors errors;           ///< at the state
+    std::vector<BlockRows> rows;  ///< linearisation at the state
+    PriorModel prior;             ///< at the state
+    BoundedStep step;             ///< the remaining full step: its basis and active bounds describe the minimum
     std::vector<std::size_t> stopped;    ///< blocks that stopped three steps in a row, or failed at the start
     std::vector<bool> error_at_floor;    ///< error parameters held at their lower limit
     std::vector<bool> error_at_ceiling;  ///< and at the upper one
@@ -32,15 +32,12 @@ struct Minimum {
     double remaining = 0.0;  ///< length of the remaining full step, in posterior sds
     bool kink = false;       ///< several smooth pieces of the objective meet here; `step` is that of one of them
 
-    /// Frees the derivatives of the evaluation where the rows hold all of them: with latent states there are many
-    /// blocks of few records.
-    void drop_derivatives(const BlockSet& set);
+    /// Makes rows and errors from the evaluation, whose values are freed where the rows hold all of them: with latent
+    /// states there are many blocks of few records.
+    void take_rows(const Problem& problem, const BlockSet& set, const State& state);
     /// Rows of all records, none shortened, at the state.
     [[nodiscard]] std::vector<BlockRows> all_rows(const Problem& problem, const BlockSet& set,
                                                   const State& state) const;
-
-private:
-    bool derivatives_dropped_ = false;
 };
 
 /// Counters and history over all rounds.

@@ -134,8 +134,21 @@ Evaluation evaluate_trial(const std::vector<const Residual*>& residuals, const B
     return evaluation;
 }
 
+BlockErrors::BlockErrors(const std::vector<BlockValue>& values) {
+    begin_.reserve(2 * values.size() + 1);
+    begin_.push_back(0);
+    for (const BlockValue& value : values)
+        for (const Eigen::VectorXd* part : {&value.e, &value.c})
+            begin_.push_back(begin_.back() + static_cast<std::size_t>(part->size()));
+    values_.resize(begin_.back());
+    for_blocks(values.size(), [&](std::size_t b) {
+        std::copy_n(values[b].e.data(), values[b].e.size(), values_.data() + begin_[2 * b]);
+        std::copy_n(values[b].c.data(), values[b].c.size(), values_.data() + begin_[2 * b + 1]);
+    });
+}
+
 Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,
-                           const Eigen::VectorXd& e) {
+                           const Eigen::Ref<const Eigen::VectorXd>& e) {
     Eigen::VectorXd errors(static_cast<Eigen::Index>(part.records.size()));
     const bool logarithmic = std::holds_alternative<LogNormalErrors>(law.distribution);
     for (std::size_t i = 0; i < part.records.size(); ++i) {
@@ -153,7 +166,7 @@ namespace {
 
 /// Change of one law's records; of sums of squares without intermediate vectors, for blocks of long chains are short.
 double part_change(const ActiveBlock& block, const LawPart& part, const NoiseModel& law, const Eigen::VectorXd& psi,
-                   const Eigen::VectorXd& from, const Eigen::VectorXd& to) {
+                   const Eigen::Ref<const Eigen::VectorXd>& from, const Eigen::Ref<const Eigen::VectorXd>& to) {
     if (law.joint() || !std::holds_alternative<NormalErrors>(law.distribution))
         return value_change(law, law_errors(block, part, law, from), law_errors(block, part, law, to), part.observed,
                             law.own(psi));
@@ -168,7 +181,7 @@ double part_change(const ActiveBlock& block, const LawPart& part, const NoiseMod
 }  // namespace
 
 double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
-                    const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {
+                    const BlockErrors& from, const BlockErrors& to) {
     const Eigen::VectorXd scale = scales_of(laws, psi);
     std::vector<double> change(pieces_of(set.blocks.size()), 0.0);
     for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
@@ -176,10 +189,10 @@ double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, co
             const ActiveBlock& block = set.blocks[b];
             for (const std::vector<LawPart>* parts : {&block.parts(), &block.linked_parts()})
                 for (const LawPart& part : *parts)
-                    change[piece] += part_change(block, part, laws[part.law], psi, from[b].e, to[b].e);
+                    change[piece] += part_change(block, part, laws[part.law], psi, from.e(b), to.e(b));
             if (block.cholesky.size() == 0) continue;
-            Eigen::MatrixXd pair(from[b].e.size(), 2);
-            pair << to[b].e - from[b].e, to[b].e + from[b].e;
+            Eigen::MatrixXd pair(from.e(b).size(), 2);
+            pair << to.e(b) - from.e(b), to.e(b) + from.e(b);
             whiten(block.channel(), block.cholesky, scale, pair);
             change[piece] += 0.5 * pair.col(0).dot(pair.col(1));
         }
@@ -190,21 +203,21 @@ double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, co
     return set.spread.sum(sum);
 }
 
-double violation_change(const BlockSet& set, const std::vector<BlockValue>& from, const std::vector<BlockValue>& to) {
+double violation_change(const BlockSet& set, const BlockErrors& from, const BlockErrors& to) {
     double change = 0.0;
     for (std::size_t b = 0; b < set.blocks.size(); ++b) {
         if (set.blocks[b].constraints == 0) continue;
         const Eigen::VectorXd inverse = set.blocks[b].constraint_size.cwiseInverse();
-        change += 0.5 * (to[b].c - from[b].c).cwiseProduct(inverse).dot((to[b].c + from[b].c).cwiseProduct(inverse));
+        change += 0.5 * (to.c(b) - from.c(b)).cwiseProduct(inverse).dot((to.c(b) + from.c(b)).cwiseProduct(inverse));
     }
     return set.spread.sum(change);
 }
 
-double violation(const BlockSet& set, const std::vector<BlockValue>& values) {
+double violation(const BlockSet& set, const BlockErrors& errors) {
     double square = 0.0;
     for (std::size_t b = 0; b < set.blocks.size(); ++b) {
         if (set.blocks[b].constraints == 0) continue;
-        const Eigen::VectorXd c = values[b].c.cwiseQuotient(set.blocks[b].constraint_size);
+        const Eigen::VectorXd c = errors.c(b).cwiseQuotient(set.blocks[b].constraint_size);
         square += c.squaredNorm();
     }
     if (set.constraints == 0) return 0.0;

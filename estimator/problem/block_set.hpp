@@ -100,6 +100,24 @@ struct Evaluation {
     bool any_failed = false;          ///< here or on another rank
 };
 
+/// Errors and constraints of the active blocks one after the other: what is kept of values without their derivatives.
+class BlockErrors {
+public:
+    BlockErrors() = default;
+    explicit BlockErrors(const std::vector<BlockValue>& values);
+
+    [[nodiscard]] Eigen::Map<const Eigen::VectorXd> e(std::size_t b) const { return part(2 * b); }
+    [[nodiscard]] Eigen::Map<const Eigen::VectorXd> c(std::size_t b) const { return part(2 * b + 1); }
+
+private:
+    [[nodiscard]] Eigen::Map<const Eigen::VectorXd> part(std::size_t i) const {
+        return {values_.data() + begin_[i], static_cast<Eigen::Index>(begin_[i + 1] - begin_[i])};
+    }
+
+    std::vector<double> values_;
+    std::vector<std::size_t> begin_;  ///< of e and c of each block, and the end
+};
+
 /// Evaluates every residual once. @throws std::invalid_argument naming the block when a result has the wrong shape.
 [[nodiscard]] Evaluation evaluate(const std::vector<const Residual*>& residuals, const BlockSet& set,
                                   const std::vector<NoiseModel>& laws, const Eigen::VectorXd& theta,
@@ -113,17 +131,16 @@ struct Evaluation {
 /// The errors of one law's records in the unit of the law: e, e divided by known sds, or ln y - ln yhat for log-normal
 /// errors.
 [[nodiscard]] Eigen::VectorXd law_errors(const ActiveBlock& block, const LawPart& part, const NoiseModel& law,
-                                         const Eigen::VectorXd& e);
+                                         const Eigen::Ref<const Eigen::VectorXd>& e);
 
 /// Change of -ln p of all blocks between two evaluations, without the cancellation of two sums.
 [[nodiscard]] double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
-                                  const std::vector<BlockValue>& from, const std::vector<BlockValue>& to);
+                                  const BlockErrors& from, const BlockErrors& to);
 
 /// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` minus the same at `from`.
-[[nodiscard]] double violation_change(const BlockSet& set, const std::vector<BlockValue>& from,
-                                      const std::vector<BlockValue>& to);
+[[nodiscard]] double violation_change(const BlockSet& set, const BlockErrors& from, const BlockErrors& to);
 /// Root mean square of c / size; 0 without constraints.
-[[nodiscard]] double violation(const BlockSet& set, const std::vector<BlockValue>& values);
+[[nodiscard]] double violation(const BlockSet& set, const BlockErrors& errors);
 
 /// Scale s of each channel.
 [[nodiscard]] Eigen::VectorXd scales_of(const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi);

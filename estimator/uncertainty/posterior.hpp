@@ -55,6 +55,8 @@ public:
     [[nodiscard]] const std::vector<Eigen::VectorXd>& latent_sds() const { return latent_sds_; }
     [[nodiscard]] const BlockArrow& arrow() const { return point_.standard.arrow; }  ///< in the coordinates u
     [[nodiscard]] const ReducedProblem& reduced_problem() const { return point_.reduced_problem; }  ///< likewise
+    /// Frees arrow(), and of reduced_problem() what has a part for every block.
+    void drop_factors() { point_.drop_factors(); }
 
 private:
     void leave_out_slack();

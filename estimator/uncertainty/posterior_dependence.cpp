@@ -110,7 +110,7 @@ void Posterior::look_for_autocorrelation() {
                 const ActiveBlock& block = set_.blocks[b];
                 for (std::size_t i = 0; i < block.channel().size(); ++i)
                     if (block.channel()[i] == static_cast<int>(c))
-                        own.push_back(minimum_.evaluation.values[b].e[static_cast<Eigen::Index>(i)]);
+                        own.push_back(minimum_.errors.e(b)[static_cast<Eigen::Index>(i)]);
             }
             if (!own.empty())
                 sequences.emplace_back(
@@ -131,7 +131,7 @@ std::vector<Eigen::VectorXd> Posterior::innovations(int channel) const {
             for (const LawPart& part : *parts) {
                 const NoiseModel& law = problem_.laws[part.law];
                 if (law.channels.front() != channel || part.records.empty()) continue;
-                const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.evaluation.values[b].e);
+                const Eigen::VectorXd e = law_errors(set_.blocks[b], part, law, minimum_.errors.e(b));
                 sequences.push_back(standard_errors(law, e, part.observed, law.own(state_.psi)));
             }
     }

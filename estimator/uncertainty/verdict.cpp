@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <utility>
 
 #include "estimator/algebra/r_factor.hpp"
 #include "estimator/interface/not_finite.hpp"
@@ -23,42 +25,45 @@ constexpr double least_outside = 0.01;
 constexpr double most_outside = 0.075;
 /// With the others moved linearly the objective is too high (by 0.15 for that tail): accurate enough this close to 1.
 constexpr double linear_margin = 0.1;
+/// A minimisation with one parameter held ends with this much of a full step left, in sds: a few Gauss-Newton steps
+/// suffice, for what is left changes the rise to second order only.
+constexpr double held_step_left = 0.05;
+/// The same of long data, where each step counts. What is left is taken from the rise as the quadratic model has it: at
+/// most 0.01 of the root, a tenth of the margin above.
+constexpr double long_step_left = 0.3;
+/// Of long data, whose second side begins on the bent course of the first: beyond this many times the expected root a
+/// straight one may be better.
+constexpr double most_bent = 1.5;
 /// Of the points from which the full Hessian is told, in sds of the Gauss-Newton objective.
 constexpr double aside = 0.1;
 /// sd from the full Hessian over the Gauss-Newton one that is still called the same.
 constexpr double most_ratio = 2.0;
 
 /// The state moved by d in u, latent states following linearly.
-State moved(const Problem& problem, const BlockSet& set, const State& state, const Posterior& posterior,
+State moved(const Problem& problem, const BlockSet& set, State from, const LatentCourse& course,
             const Eigen::VectorXd& d) {
-    State trial = state;
-    trial.u = (state.u + d).cwiseMax(problem.lower).cwiseMin(problem.upper);
-    trial.theta = natural_parameters(problem, trial.u);
-    const std::vector<Eigen::VectorXd> still =
-        latent_steps(posterior.arrow(), posterior.reduced_problem(), Eigen::VectorXd::Zero(d.size()));
-    const std::vector<Eigen::VectorXd> steps = latent_steps(posterior.arrow(), posterior.reduced_problem(), d);
-    for (std::size_t b = 0; b < set.blocks.size(); ++b)
-        trial.latents[set.blocks[b].residual][set.blocks[b].block] += steps[b] - still[b];
-    return trial;
+    from.u = (from.u + d).cwiseMax(problem.lower).cwiseMin(problem.upper);
+    from.theta = natural_parameters(problem, from.u);
+    course.follow(d, set, from.latents);
+    return from;
 }
 
-/// Twice the rise of Phi from the minimum to `values` at u; nan when it cannot be computed.
+/// Twice the rise of Phi from the minimum to `errors` at u; nan when it cannot be computed.
 double deviance(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
-                const Eigen::VectorXd& u, const std::vector<BlockValue>& values) {
+                const Eigen::VectorXd& u, const BlockErrors& errors) {
     const double prior = prior_at(problem, u).value - minimum.prior.value;
-    return 2.0 * (prior + value_change(set, problem.laws, state.psi, minimum.evaluation.values, values));
+    return 2.0 * (prior + value_change(set, problem.laws, state.psi, minimum.errors, errors));
 }
 
 /// The problem with one parameter held and the error parameters as they are.
-Problem held(const Problem& problem, Eigen::Index parameter, double u) {
+Problem held(const Problem& problem, Eigen::Index parameter, double u, double step_left) {
     Problem result = problem;
     result.lower[parameter] = result.upper[parameter] = u;
     for (NoiseModel& law : result.laws)
         for (ErrorCoordinate& coordinate : law.coordinates)
             coordinate.estimate = false;
-    // A few Gauss-Newton steps suffice: the remaining distance changes the rise to second order only.
     result.options.maximum_iterations = 10;
-    result.options.step_tolerance = 0.05;
+    result.options.step_tolerance = step_left;
     result.polished = false;
     result.options.progress = nullptr;
     result.options.watched = nullptr;
@@ -113,7 +118,7 @@ void compare_curvatures(const Eigen::MatrixXd& standard, const Eigen::MatrixXd& 
 }  // namespace
 
 FullHessian full_hessian(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
-                         const Posterior& posterior, int& evaluations) {
+                         const Posterior& posterior, const LatentCourse& course, int& evaluations) {
     const Eigen::Index q = state.u.size();
     FullHessian result;
     result.ratio = Eigen::VectorXd::Constant(q, nan_value);
@@ -123,14 +128,9 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
     for (const Eigen::Index i : free)
         if (posterior.identifiable().undetermined[static_cast<std::size_t>(i)]) return result;
 
-    const std::vector<Eigen::VectorXd> still =
-        latent_steps(posterior.arrow(), posterior.reduced_problem(), Eigen::VectorXd::Zero(q));
     std::vector<std::vector<Eigen::VectorXd>> following;
-    for (const Eigen::Index i : free) {
-        following.push_back(latent_steps(posterior.arrow(), posterior.reduced_problem(), Eigen::VectorXd::Unit(q, i)));
-        for (std::size_t b = 0; b < following.back().size(); ++b)
-            following.back()[b] -= still[b];
-    }
+    for (const Eigen::Index i : free)
+        following.push_back(course.along(i));
     std::vector<Eigen::VectorXd> units;
     for (const Eigen::Index i : free)
         units.emplace_back(Eigen::VectorXd::Unit(q, i));
@@ -149,7 +149,7 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
             step(free) = sign * aside * standard.col(j);
             const double part = part_within(problem, state.u, step);
             length += aside * part;
-            const State beside = moved(problem, set, state, posterior, part * step);
+            const State beside = moved(problem, set, state, course, part * step);
             const Evaluation evaluation =
                 evaluate(problem.residuals, set, problem.laws, beside.theta, beside.latents, true);
             ++evaluations;
@@ -166,8 +166,91 @@ FullHessian full_hessian(const Problem& problem, const BlockSet& set, const Stat
     return result;
 }
 
+namespace {
+
+/// The objective where one parameter is some sds away and the others are at their best.
+class Sides {
+public:
+    Sides(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
+          const LatentCourse& course, int& evaluations)
+        : problem_(problem),
+          set_(set),
+          state_(state),
+          minimum_(minimum),
+          course_(course),
+          evaluations_(evaluations),
+          long_(is_long(set) && set.constraints == 0) {}
+
+    struct Side {
+        double rise = nan_value;  ///< twice that of Phi
+        bool minimised = false;   ///< the others did not only follow
+        Outcome outcome = Outcome::converged;
+    };
+    /// @param step  the parameters' step along the linear course. Of two opposite ones the second gains by the first.
+    [[nodiscard]] Side look(Eigen::Index parameter, const Eigen::VectorXd& step);
+
+private:
+    [[nodiscard]] double rise_at(const State& at);
+    [[nodiscard]] static bool is_linear(double rise) {
+        return std::abs(std::sqrt(rise) / reach - 1.0) <= linear_margin;
+    }
+
+    const Problem& problem_;
+    const BlockSet& set_;
+    const State& state_;
+    const Minimum& minimum_;
+    const LatentCourse& course_;
+    int& evaluations_;
+    bool long_;                      ///< each evaluation takes long
+    Eigen::Index parameter_ = -1;    ///< the last one
+    std::optional<State> opposite_;  ///< its minimum on the other side, where the course was bent
+};
+
+/// nan where it cannot be told from values alone.
+double Sides::rise_at(const State& at) {
+    if (set_.constraints > 0) return nan_value;
+    const Evaluation evaluation = evaluate(problem_.residuals, set_, problem_.laws, at.theta, at.latents, false);
+    ++evaluations_;
+    if (!evaluation.failed.empty()) return nan_value;
+    return deviance(problem_, set_, state_, minimum_, at.u, BlockErrors(evaluation.values));
+}
+
+Sides::Side Sides::look(Eigen::Index parameter, const Eigen::VectorXd& step) {
+    State trial;
+    Side side;
+    const double u = state_.u[parameter] + step[parameter];
+    if (std::exchange(parameter_, parameter) != parameter) opposite_.reset();
+    if (opposite_) {
+        // A bend is the same on both sides: what is left are terms of the third order.
+        trial = moved(problem_, set_, *std::exchange(opposite_, std::nullopt), course_, 2.0 * step);
+        side.rise = rise_at(trial);
+        if (is_linear(side.rise)) return side;
+    }
+    if (!(std::sqrt(side.rise) < most_bent * reach)) {
+        State straight = moved(problem_, set_, state_, course_, step);
+        const double rise = rise_at(straight);
+        if (is_linear(rise)) return {rise, false, Outcome::converged};
+        if (!(side.rise < rise)) trial = std::move(straight);
+    }
+    const Problem pinned = held(problem_, parameter, u, long_ ? long_step_left : held_step_left);
+    trial.u[parameter] = u;
+    trial.theta[parameter] = problem_.coordinates[static_cast<std::size_t>(parameter)].natural(u);
+    SolverStatistics ledger;
+    const Minimum beside = minimise(pinned, set_, trial, ledger);
+    evaluations_ += ledger.evaluations;
+    side = {nan_value, true, beside.outcome};
+    if (beside.outcome == Outcome::start_failed || beside.outcome == Outcome::blocks_stopped) return side;
+    side.rise = deviance(problem_, set_, state_, minimum_, trial.u, beside.errors);
+    if (!long_) return side;
+    if (beside.remaining < long_step_left) side.rise -= beside.remaining * beside.remaining;
+    opposite_ = std::move(trial);
+    return side;
+}
+
+}  // namespace
+
 Verdict judge(const Problem& problem, const BlockSet& set, const State& state, const Minimum& minimum,
-              const Posterior& posterior, const FullHessian& hessian, int& evaluations) {
+              const Posterior& posterior, const LatentCourse& course, const FullHessian& hessian, int& evaluations) {
     Verdict verdict;
     const auto distrust = [&](Eigen::Index i, const std::string& why) {
         verdict.trust = false;
@@ -175,6 +258,7 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
     };
     if (hessian.known && !hessian.definite && !minimum.step.free.empty())
         distrust(minimum.step.free.front(), "the objective is not convex at the estimate");
+    Sides sides(problem, set, state, minimum, course, evaluations);
     for (const Eigen::Index i : minimum.step.free) {
         // One reason is told, and looking for others costs minimisations of the whole.
         if (!verdict.trust || posterior.identifiable().undetermined[static_cast<std::size_t>(i)]) continue;
@@ -192,33 +276,15 @@ Verdict judge(const Problem& problem, const BlockSet& set, const State& state, c
                 distrust(i, "a bound lies within two sds " + where);
                 break;
             }
-            State trial = moved(problem, set, state, posterior, sign * reach / sd * posterior.laplace().col(i));
-            double rise = nan_value;
-            if (set.constraints == 0) {
-                const Evaluation evaluation =
-                    evaluate(problem.residuals, set, problem.laws, trial.theta, trial.latents, false);
-                ++evaluations;
-                if (evaluation.failed.empty())
-                    rise = deviance(problem, set, state, minimum, trial.u, evaluation.values);
-            }
-            if (std::abs(std::sqrt(rise) / reach - 1.0) <= linear_margin) {
-                outside += beyond(std::sqrt(rise));
-                continue;
-            }
-            const Problem pinned = held(problem, i, u);
-            trial.u[i] = u;
-            trial.theta[i] = problem.coordinates[static_cast<std::size_t>(i)].natural(u);
-            SolverStatistics ledger;
-            const Minimum beside = minimise(pinned, set, trial, ledger);
-            evaluations += ledger.evaluations;
-            if (beside.outcome == Outcome::interrupted) return verdict;
-            if (beside.outcome == Outcome::start_failed || beside.outcome == Outcome::blocks_stopped) {
+            const Sides::Side side = sides.look(i, sign * reach / sd * posterior.laplace().col(i));
+            if (side.outcome == Outcome::interrupted) return verdict;
+            if (side.outcome == Outcome::start_failed || side.outcome == Outcome::blocks_stopped) {
                 distrust(i, "cannot be evaluated two sds " + where);
                 break;
             }
-            rise = deviance(problem, set, state, minimum, trial.u, beside.evaluation.values);
-            const double root = std::sqrt(std::max(rise, 0.0));
+            const double root = std::sqrt(std::max(side.rise, 0.0));
             outside += beyond(root);
+            if (!side.minimised) continue;
             roots += (roots.empty() ? "two sds " : ", ") + where + " the objective says " + two_figures(root) + " sds";
         }
         // Without roots both sides were as expected, or named already.

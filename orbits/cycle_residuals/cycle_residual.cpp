@@ -55,7 +55,7 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
     refuse_if(!start_nodes.empty() && start_nodes.size() != cycles.size(),
               "CycleResidual: {} start nodes for {} cycles", start_nodes.size(), cycles.size());
     for (const CycleTarget& target : targets_.targets) {
-        initial_.layout.emplace_back().label = target.label;
+        initial_.layout.edit().emplace_back().label = target.label;
         Known known;
         known.nodes = target.nodes;
         if (!start_nodes.empty() && start_nodes[target.cycle].size() > 0) {
@@ -84,7 +84,8 @@ CycleResidual::CycleResidual(std::shared_ptr<const models::System> system, model
     for (std::size_t b = 0; b < solved.size(); ++b) {
         // A state of rest that is no isolated orbit (dry friction) has nothing that could be followed.
         const bool followed = targets_.targets[b].positions || solved[b].status == OrbitStatus::converged;
-        initial_.layout[b].active = lay_out(initial_, b, solved[b]) && followed;
+        const bool laid_out = lay_out(initial_, b, solved[b]);
+        initial_.layout.edit()[b].active = laid_out && followed;
         if (solved[b].status == OrbitStatus::converged) keep(initial_, b, solved[b], start);
     }
     if (!start_nodes.empty()) gate_start(solved, start);
@@ -121,7 +122,7 @@ void CycleResidual::gate_start(const std::vector<PeriodicOrbit>& solved, const V
     const double largest_distance = options_.gate * models::upper_median(distances);
     for (std::size_t b = 0; b < initial_.layout.size(); ++b) {
         if (size[b] <= largest_size || distance[b] <= largest_distance) continue;
-        initial_.layout[b].active = false;
+        initial_.layout.edit()[b].active = false;
         ++rejected_at_start(initial_);
     }
 }
@@ -245,7 +246,7 @@ estimator::RefreshReport CycleResidual::update_active_set(estimator::ActiveSet& 
     const std::vector<PeriodicOrbit> solved = orbits(active, theta);
     estimator::RefreshReport report;
     const auto rejected_before = static_cast<int>(std::exchange(rejected_at_start(active), 0.0));
-    std::vector<estimator::BlockLayout>& layout = active.layout;
+    std::vector<estimator::BlockLayout>& layout = active.layout.edit();
     for (std::size_t b = 0; b < layout.size(); ++b) {
         // A multiplier that has become 0, or no longer is.
         if (solved[b].status != OrbitStatus::converged) continue;

@@ -24,7 +24,7 @@ bool CycleResidual::lay_out(estimator::ActiveSet& active, std::size_t block, con
     const Index n = target.points.rows();
     const Index multipliers = known.multipliers ? target.ln_multiplier.size() : 0;
     const Index times = std::isfinite(target.time) ? 1 : 0;
-    estimator::BlockLayout& layout = active.layout[block];
+    estimator::BlockLayout& layout = active.layout.edit()[block];
     layout.group.clear();
     if (target.positions) layout.group = record_groups(n, target.points.cols(), 0);
     const int of_multipliers = options_.targets.positions ? static_cast<int>(n) : 0;
@@ -77,7 +77,7 @@ double CycleResidual::mean_square(const estimator::ActiveSet& active, std::size_
 void CycleResidual::link(estimator::ActiveSet& active) const {
     CommonErrorFilter filter(shared_);
     for (std::size_t b = 0; b < active.layout.size(); ++b) {
-        estimator::BlockLayout& layout = active.layout[b];
+        estimator::BlockLayout& layout = active.layout.edit()[b];
         VectorXd& gain = active.memory[memory_parts * b + gain_part];
         gain.resize(0);
         layout.shape = own_shape(active, b);

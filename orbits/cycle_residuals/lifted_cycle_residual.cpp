@@ -90,7 +90,7 @@ LiftedCycleResidual::LiftedCycleResidual(std::shared_ptr<const models::System> s
         if (target.covariance.size() > 0)
             roots_.back() = sizes.asDiagonal() * models::CholeskyFactor(target.covariance).lower();
         block.latents = n * p;
-        initial_.layout.push_back(std::move(block));
+        initial_.layout.edit().push_back(std::move(block));
         initial_.latents.emplace_back(target.nodes.reshaped());
     }
     const double defect = (matching_defect(initial_, start, initial_.latents).array() / scale_.array()).maxCoeff();

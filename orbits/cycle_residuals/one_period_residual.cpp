@@ -71,7 +71,7 @@ OnePeriodResidual::OnePeriodResidual(std::shared_ptr<const models::System> syste
         block.label = target.label;
         block.group = record_groups(target.points.rows(), target.points.cols(), 0);
         block.deviation.setConstant(target.points.size(), floor_);
-        initial_.layout.push_back(std::move(block));
+        initial_.layout.edit().push_back(std::move(block));
         initial_.memory.emplace_back(target.nodes.reshaped());
     }
     initial_.memory.push_back(VectorXd::Zero(1));
@@ -100,7 +100,7 @@ double OnePeriodResidual::weigh(estimator::ActiveSet& active, const VectorXd& va
             const MatrixXd gain = range_.cwiseInverse().asDiagonal() * image->by_x * range_.asDiagonal();
             const VectorXd error = map_.difference(nodes.col(next), image->state);
             for (Index i = 0; i < n; ++i) {
-                double& deviation = active.layout[b].deviation(n * next + i);
+                double& deviation = active.layout.edit()[b].deviation(n * next + i);
                 const double now = std::hypot(floor_, gain.row(i).norm());
                 changes.push_back(std::abs(std::log(now / deviation)));
                 deviation = now;

@@ -59,7 +59,7 @@ PredictionResidual::PredictionResidual(std::vector<std::shared_ptr<const models:
             for (Index i = 0; i < n; ++i)
                 block.group.push_back(static_cast<int>(i));
         block.deviation = VectorXd::Ones(std::ssize(block.group));
-        initial_.layout.push_back(std::move(block));
+        initial_.layout.edit().push_back(std::move(block));
     }
     initial_.latents.resize(initial_.layout.size());
     initial_.memory = {VectorXd::Zero(1)};
@@ -78,7 +78,7 @@ double PredictionResidual::amplify(estimator::ActiveSet& active, const VectorXd&
         for (Index i = 0; i < sizes.size(); ++i) {
             const double grown = made[t].by_x.row(i).transpose().cwiseProduct(sizes).norm() / sizes[i];
             const double now = std::sqrt(own_variance + grown * grown);
-            double& deviation = active.layout[t / block_size].deviation[record(t, i)];
+            double& deviation = active.layout.edit()[t / block_size].deviation[record(t, i)];
             changes.push_back(std::abs(std::log(now / deviation)));
             deviation = now;
         }

@@ -93,13 +93,17 @@ ShootingResidual ShootingResidual::with(const Continuity& matching, const estima
         other.initial_.latents = std::move(latents);
     }
     other.initial_.groups.clear();
-    other.initial_.layout.clear();
     other.make_groups();
     for (std::size_t g = 0; g < held.size(); ++g)
         if (held[g] > 0.0) other.initial_.groups.at(g).scale = {false, held[g], other.initial_.groups[g].scale.prior};
-    other.make_layout();
-    for (std::size_t b = 0; b < active.layout.size(); ++b)
-        other.initial_.layout[b].active = active.layout[b].active;
+    if (matching.constraints == matching_.constraints) {
+        other.initial_.layout = active.layout;
+    } else {
+        other.make_layout();
+        std::vector<estimator::BlockLayout>& layout = other.initial_.layout.edit();
+        for (std::size_t b = 0; b < active.layout.size(); ++b)
+            layout[b].active = active.layout[b].active;
+    }
     other.begin_matching(theta.size() > 0 ? theta : start_theta());
     return other;
 }

@@ -231,7 +231,8 @@ void ShootingResidual::make_layout() {
                                    [](const ErrorForm& form) { return is_sized(form.distribution); });
     const bool known_sds = std::any_of(data.observed.begin(), data.observed.end(),
                                        [](const ObservedCoordinate& o) { return o.known_sds; });
-    initial_.layout.reserve(data.plan.nodes.size());
+    std::vector<estimator::BlockLayout> layout;
+    layout.reserve(data.plan.nodes.size());
     for (std::size_t b = 0; b < data.plan.nodes.size(); ++b) {
         const PlannedNode& node = data.plan.nodes[b];
         const auto readings = data.plan.of(b);
@@ -262,8 +263,9 @@ void ShootingResidual::make_layout() {
             for (std::size_t r = 0; r < readings.size(); ++r)
                 block.observed[static_cast<Index>(r)] = readings[r].value;
         }
-        initial_.layout.push_back(std::move(block));
+        layout.push_back(std::move(block));
     }
+    initial_.layout = std::move(layout);
 }
 
 }  // namespace orbid::orbits

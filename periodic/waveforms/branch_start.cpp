@@ -70,7 +70,7 @@ int BranchResidual::seek_again(estimator::ActiveSet& active, const VectorXd& the
         if (!(found.misfit < better * present - rounded_misfit)) return;
         found.known.taken_back = before.taken_back;
         remember(active, b, found.known);
-        active.layout[b].active = true;
+        active.layout.edit()[b].active = true;
         changed[b] = 1;
     });
     models::stop_if_left();

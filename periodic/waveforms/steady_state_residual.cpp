@@ -46,7 +46,7 @@ BlockValue SteadyStateResidual::failed() {
 
 void SteadyStateResidual::add_block(const models::ParameterBinding& binding, estimator::BlockLayout layout) {
     bindings_.push_back(binding);
-    initial_.layout.push_back(std::move(layout));
+    initial_.layout.edit().push_back(std::move(layout));
 }
 
 void SteadyStateResidual::find_starts(const VectorXd& theta) {
@@ -55,7 +55,7 @@ void SteadyStateResidual::find_starts(const VectorXd& theta) {
     tbb::parallel_for(std::size_t{0}, bindings_.size(), [&](std::size_t b) {
         const Known known = find_start(b, theta).known;
         remember(initial_, b, known);
-        initial_.layout[b].active = known.status == OrbitStatus::converged;
+        initial_.layout.edit()[b].active = known.status == OrbitStatus::converged;
     });
     models::stop_if_left();
     initial_.memory.push_back(VectorXd::Zero(2));  // anchorings, and what a derived residual counts
@@ -177,6 +177,8 @@ int SteadyStateResidual::seek_again(estimator::ActiveSet& active, const VectorXd
     for (std::size_t b = 0; b < bindings_.size(); ++b)
         if (!active.layout[b].active && !known(active, b).sought_again && in_domain(bindings_[b].values(theta)))
             lost.push_back(b);
+    if (lost.empty()) return 0;
+    std::vector<estimator::BlockLayout>& layout = active.layout.edit();
     tbb::parallel_for(std::size_t{0}, lost.size(), [&](std::size_t i) {
         const std::size_t b = lost[i];
         const Known before = known(active, b);
@@ -185,11 +187,10 @@ int SteadyStateResidual::seek_again(estimator::ActiveSet& active, const VectorXd
         if (after.status != OrbitStatus::converged || !(misfit < alike)) after = before;
         after.sought_again = true;
         remember(active, b, after);
-        active.layout[b].active = has_orbit(after) && after.place.head(theta.size()) == theta;
+        layout[b].active = has_orbit(after) && after.place.head(theta.size()) == theta;
     });
     models::stop_if_left();
-    return static_cast<int>(
-        std::count_if(lost.begin(), lost.end(), [&](std::size_t b) { return active.layout[b].active; }));
+    return static_cast<int>(std::count_if(lost.begin(), lost.end(), [&](std::size_t b) { return layout[b].active; }));
 }
 
 estimator::RefreshReport SteadyStateResidual::update_active_set(estimator::ActiveSet& active, const VectorXd& theta,
@@ -215,7 +216,7 @@ estimator::RefreshReport SteadyStateResidual::update_active_set(estimator::Activ
             far = far || !(move.cwiseAbs().maxCoeff() <= following_.maximum_move);
             keep(last, b, solved[b], places[b]);
         }
-        estimator::BlockLayout& layout = active.layout[b];
+        estimator::BlockLayout& layout = active.layout.edit()[b];
         if (layout.active && !there) {
             layout.active = false;
             ++report.lost;

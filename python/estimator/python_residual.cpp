@@ -119,7 +119,7 @@ estimator::ActiveSet PythonResidual::read_set() const {
     for (const py::handle description : method("groups")())
         set.groups.push_back(group(description, set.groups.size()));
     for (const py::handle description : method("layout")())
-        set.layout.push_back(block_layout(description, set.groups, set.layout.size()));
+        set.layout.edit().push_back(block_layout(description, set.groups, set.layout.size()));
     if (set.layout.empty()) throw py::value_error("layout(): there is no block");
     const py::function latents = method("initial_latents");
     const py::list given = latents ? py::list(latents()) : py::list();
@@ -212,8 +212,9 @@ void PythonResidual::read_values(const estimator::ActiveSet& active, py::handle 
             values[b].status = estimator::BlockStatus::failed;
             continue;
         }
-        const Eigen::Index next =
-            active.layout[b].next >= 0 ? active.layout.at(static_cast<std::size_t>(active.layout[b].next)).latents : 0;
+        const Eigen::Index next = active.layout[b].next >= 0
+                                      ? active.layout.all().at(static_cast<std::size_t>(active.layout[b].next)).latents
+                                      : 0;
         values[b] = block_value(block, active.layout[b], next, parameters, derivatives, where);
         const std::string what = first_not_finite(values[b]);
         if (what.empty()) continue;
@@ -245,7 +246,8 @@ estimator::RefreshReport PythonResidual::update_active_set(estimator::ActiveSet&
         // What the estimator took out stays out.
         const Eigen::VectorXd& told = active.memory.front();
         for (std::size_t b = 0; b < active.layout.size() && active.layout.size() == next.layout.size(); ++b)
-            if (!active.layout[b].active && told[static_cast<Eigen::Index>(b)] != 0.0) next.layout[b].active = false;
+            if (!active.layout[b].active && told[static_cast<Eigen::Index>(b)] != 0.0)
+                next.layout.edit()[b].active = false;
         active = std::move(next);
     };
     if (call_ != nullptr) call_->attempt(ask);

@@ -178,7 +178,7 @@ TEST_CASE("refresh between rounds, interrupted, iteration limit, no degrees of f
     residual.on_update = [](estimator::ActiveSet& active) {
         estimator::RefreshReport report;
         if (!active.layout[0].active) {
-            active.layout[0].active = true;
+            active.layout.edit()[0].active = true;
             report.changed = true;
             report.added = 1;
         }

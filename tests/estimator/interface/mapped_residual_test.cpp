@@ -198,7 +198,7 @@ TEST_CASE("updates go through, or stop at an adapter with a given set", "[estima
     int updates = 0;
     inner.on_update = [&updates](estimator::ActiveSet& active) {
         ++updates;
-        active.layout[0].active = false;
+        active.layout.edit()[0].active = false;
         return RefreshReport{true, 1, 0, 2};
     };
     const auto latents = inner.initial_latents();
@@ -214,7 +214,7 @@ TEST_CASE("updates go through, or stop at an adapter with a given set", "[estima
     MappedResidualOptions options;
     options.active = inner.initial_set();
     const MappedResidual other(inner, tied(), options);
-    options.active->layout[1].active = false;
+    options.active->layout.edit()[1].active = false;
     options.active->is_intermediate_stage = true;
     const MappedResidual given(inner, tied(), options);
     active = given.initial_set();

@@ -54,4 +54,53 @@ TEST_CASE("curvature is looked at where correlated parameters can be together", 
         CHECK_THAT(ratio, WithinRel(std::sqrt((0.01 / along_sum + 1600.0) / (0.01 + 1600.0)), 1e-9));
 }
 
+namespace {
+
+/// 1200 pairs (z, z + k exp p) read with an sd of 1, exactly: at its best z, twice the objective is n k^2 (exp p - 1)^2
+/// / 2 above its minimum at p = 0. Latent states follow k exp p, so that a straight course leaves it.
+FunctionResidual pairs(double sd) {
+    constexpr int count = 1200;
+    const double k = std::sqrt(2.0 / count) / sd;
+    FunctionResidual residual;
+    estimator::Group one = group("y");
+    one.scale = {false, 1.0, estimator::FlatPrior{}};
+    residual.add_group(one);
+    for (int b = 0; b < count; ++b) {
+        estimator::BlockLayout layout;
+        layout.label = "pair";
+        layout.group = {0, 0};
+        layout.latents = 1;
+        residual.add_block(
+            layout,
+            [k](const Eigen::VectorXd& theta, const Eigen::VectorXd& z, bool) {
+                const double f = k * std::exp(theta[0]);
+                estimator::BlockValue value;
+                value.e = Eigen::Vector2d(-z[0], k - z[0] - f);
+                value.e_theta = Eigen::Vector2d(0.0, -f);
+                value.e_z = Eigen::Vector2d(-1.0, -1.0);
+                return value;
+            },
+            Eigen::VectorXd::Constant(1, 0.01));
+    }
+    return residual;
+}
+
+}  // namespace
+
+TEST_CASE("long data are judged by their objective two sds to both sides", "[estimator]") {
+    // Roots are (exp(2 sd) - 1) / sd and (1 - exp(-2 sd)) / sd: 2.74 and 1.50 leave 6.9 % outside, 3.44 and 1.26 leave
+    // 10 %.
+    for (const double sd : {0.3, 0.5}) {
+        const FunctionResidual residual = pairs(sd);
+        const auto result = estimator::estimate({free_parameter("p", 0.05)}, {&residual});
+        CAPTURE(sd, result.message, result.distrust);
+        REQUIRE(result.status == estimator::EstimateStatus::converged);
+        CHECK_THAT(result.parameters[0].sd, WithinRel(sd, 1e-6));
+        CHECK(result.trust_normal == (sd < 0.4));
+        if (result.trust_normal) continue;
+        CHECK_THAT(result.distrust, ContainsSubstring("below the estimate the objective says 1.3 sds"));
+        CHECK_THAT(result.distrust, ContainsSubstring("above the estimate the objective says 3.4 sds"));
+    }
+}
+
 }  // namespace orbid::tests::verdict_test

@@ -227,7 +227,7 @@ TEST_CASE("cycles of one map: derivatives of what is left, and a cycle that is l
     CHECK(std::abs(by_blocks(moved, active, henon.truth) - joint) < 1e-6 * std::abs(joint));
     // Held out for a validation it still tells about the next ones: their density given all cycles before them.
     auto fold = set;
-    fold.layout[0].active = false;
+    fold.layout.edit()[0].active = false;
     const auto held = residual.evaluate(fold, henon.truth, {}, false);
     CHECK(held[0].e.size() == 0);
     for (std::size_t b = 1; b < held.size(); ++b)

@@ -209,7 +209,7 @@ TEST_CASE("cycle residual: lost orbits are missing data and come back", "[orbits
     CHECK(failed > 0);
     CHECK(failed < 41);
 
-    active.layout[7].active = false;
+    active.layout.edit()[7].active = false;
     const auto report = residual.update_active_set(active, c.truth(), {}, scales);
     CHECK(report.changed);
     CHECK(report.added == 1);

@@ -335,7 +335,7 @@ TEST_CASE("what cannot be simulated is a failed block, not an exception", "[orbi
     CHECK(residual.evaluate(active, vector({0.15}), {vector({std::nan(""), 0.0}), z[1]}, true)[0].status ==
           estimator::BlockStatus::failed);
     CHECK_FALSE(residual.update_active_set(active, vector({0.15}), z, vector({1.0, 1.0})).changed);
-    active.layout[0].active = false;
+    active.layout.edit()[0].active = false;
     const auto values = residual.evaluate(active, vector({0.15}), z, true);
     CHECK(values[0].e.size() == 0);
     CHECK(values[1].e.size() == 400);
