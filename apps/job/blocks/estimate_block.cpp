@@ -68,7 +68,9 @@ std::vector<ErrorJob> errors_at_nodes(const Job& job, const WaveformResidualJob&
 void check_process_noise(ObjectReader& object, const EstimateJob& estimate) {
     if (!estimate.series || estimate.series->matching.kind != MatchingJob::Kind::diffusion) return;
     const auto refuse = [&](bool asked, const char* key) {
-        if (asked) object.find(key)->report(fmt::format("with process noise: {}", not_in_this_version));
+        if (asked)
+            object.find(key)->report(
+                fmt::format("does not go with process noise ({}): leave out one of the two", not_in_this_version));
     };
     refuse(estimate.profile.any(), "profile");
     refuse(estimate.marginals.any(), "marginals");
@@ -78,8 +80,8 @@ void check_process_noise(ObjectReader& object, const EstimateJob& estimate) {
     for (const FreeParameterJob& free : estimate.parameters)
         if (estimator::is_proper(free.value.prior))
             object.find("parameters")
-                ->report(fmt::format("a prior of {} with process noise: {}; \"bounds\" are possible", free.value.name,
-                                     not_in_this_version));
+                ->report(fmt::format("a prior of {} does not go with process noise ({}): use \"bounds\"",
+                                     free.value.name, not_in_this_version));
 }
 
 }  // namespace

@@ -104,11 +104,7 @@ double exact_value(const Oscillator& of, const VectorXd& y) {
            0.5 * static_cast<double>(n - 2) * std::log(2.0 * std::numbers::pi);
 }
 
-struct Fit {
-    estimator::Estimate estimate;
-};
-
-Fit fitted(const Series& series, const Oscillator& start) {
+estimator::Estimate fitted(const Series& series, const Oscillator& start) {
     const auto system = models::make_system("duffing");
     VectorXd base(5);
     base << start.c, start.k, 0.0, 0.0, 1.0;
@@ -135,14 +131,14 @@ Fit fitted(const Series& series, const Oscillator& start) {
     how.step_tolerance = 1e-8;
     how.verdict = false;
     how.clusters = estimator::Clusters::none;
-    return {identification::estimate_with_noise(parameters, residuals, {}, how)};
+    return identification::estimate_with_noise(parameters, residuals, {}, how);
 }
 
-Oscillator at(const Fit& fit, Oscillator of) {
-    of.c = fit.estimate.parameters[0].value;
-    of.k = fit.estimate.parameters[1].value;
-    of.reading = fit.estimate.scales[0].value;
-    of.noise = fit.estimate.scales[1].value;
+Oscillator at(const estimator::Estimate& fit, Oscillator of) {
+    of.c = fit.parameters[0].value;
+    of.k = fit.parameters[1].value;
+    of.reading = fit.scales[0].value;
+    of.noise = fit.scales[1].value;
     return of;
 }
 
@@ -152,12 +148,12 @@ TEST_CASE("the likelihood of a linear oscillator with process noise is exact", "
     const Oscillator truth;
     const Series series = record(truth, 60, 3);
     const VectorXd y = series.segments[0].values.row(0).transpose();
-    const Fit fit = fitted(series, {0.4, 4.4});
-    CAPTURE(fit.estimate.message);
-    REQUIRE(fit.estimate.status == estimator::EstimateStatus::converged);
+    const estimator::Estimate fit = fitted(series, {0.4, 4.4});
+    CAPTURE(fit.message);
+    REQUIRE(fit.status == estimator::EstimateStatus::converged);
     const Oscillator best = at(fit, truth);
     const double constant = 0.5 * static_cast<double>(y.size() - 2) * std::log(2.0 * std::numbers::pi);
-    CHECK_THAT(fit.estimate.objective + constant, WithinRel(exact_value(best, y), 1e-9));
+    CHECK_THAT(fit.objective + constant, WithinRel(exact_value(best, y), 1e-9));
     // Its maximum is the estimate's, and its curvature gives the sds: by differences in all four unknowns.
     const auto value = [&](const VectorXd& move) {
         Oscillator there = best;
@@ -186,10 +182,9 @@ TEST_CASE("the likelihood of a linear oscillator with process noise is exact", "
     // Parameters at fixed scales, scales with all else following.
     const MatrixXd of_theta = curvature.topLeftCorner(2, 2).inverse();
     for (Index i = 0; i < 2; ++i)
-        CHECK_THAT(fit.estimate.parameters[static_cast<std::size_t>(i)].laplace_sd,
-                   WithinRel(std::sqrt(of_theta(i, i)), 0.05));
+        CHECK_THAT(fit.parameters[static_cast<std::size_t>(i)].laplace_sd, WithinRel(std::sqrt(of_theta(i, i)), 0.05));
     for (Index i = 0; i < 2; ++i) {
-        const auto& scale = fit.estimate.scales[static_cast<std::size_t>(i)];
+        const auto& scale = fit.scales[static_cast<std::size_t>(i)];
         CHECK_THAT(scale.uncertainty / scale.value, WithinRel(std::sqrt(covariance(2 + i, 2 + i)), 0.05));
     }
 }
@@ -200,16 +195,16 @@ TEST_CASE("without process noise its estimate is at its bound", "[identification
     int at_bound = 0;
     for (unsigned seed = 1; seed <= 6; ++seed) {
         const Series series = record(truth, 200, seed);
-        const Fit fit = fitted(series, {0.35, 4.2});
-        CAPTURE(seed, fit.estimate.message);
-        REQUIRE(fit.estimate.status == estimator::EstimateStatus::converged);
-        const auto& noise = fit.estimate.scales[1];
+        const estimator::Estimate fit = fitted(series, {0.35, 4.2});
+        CAPTURE(seed, fit.message);
+        REQUIRE(fit.status == estimator::EstimateStatus::converged);
+        const auto& noise = fit.scales[1];
         if (std::isfinite(noise.lower95)) continue;
         ++at_bound;
         CHECK(noise.value < 1e-3);
         // The estimate without noise, by least squares over whole courses.
-        CHECK_THAT(fit.estimate.parameters[1].value, WithinAbs(4.0, 4.0 * fit.estimate.parameters[1].sd));
-        CHECK(fit.estimate.parameters[1].sd < 0.03);
+        CHECK_THAT(fit.parameters[1].value, WithinAbs(4.0, 4.0 * fit.parameters[1].sd));
+        CHECK(fit.parameters[1].sd < 0.03);
     }
     CHECK(at_bound >= 2);  // half of them in the mean: the estimate is as often above zero by chance
 }
