@@ -12,6 +12,7 @@
 #include "identification/problem/problem_residuals.hpp"
 #include "identification/starts/course_repair.hpp"
 #include "identification/starts/series_attempt.hpp"
+#include "identification/strategy/identify.hpp"
 #include "models/equations/equation_text.hpp"
 #include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
@@ -159,6 +160,31 @@ TEST_CASE("a course on the wrong side of a symmetry is repaired", "[identificati
             // The same minimum as from the truth, to a small part of the sd.
             CHECK(std::abs(one.value - right.estimate.parameters[i].value) < 0.05 * one.laplace_sd);
         }
+    }
+}
+
+TEST_CASE("hidden states are followed anew from where an attempt has ended", "[identification][series]") {
+    Laser data = laser();
+    const std::array<double, 3> truth{10.0, 28.0, 8.0 / 3.0}, off{0.4, 0.5, 0.5};
+    for (std::size_t i = 0; i < truth.size(); ++i)
+        data.problem.parameters[i].value.start = off[i] * truth[i];
+    /// Keeps what is told of attempts.
+    struct Log final : identification::Observer {
+        void detail(const std::string& line) override {
+            if (line.starts_with("attempt")) lines.push_back(line);
+        }
+        std::vector<std::string> lines;
+    } log;
+    const auto result = identification::identify(data.problem, identification::Options{}, log);
+    // From the job's start many places are on wrong sides; from the parameters that this gives none.
+    REQUIRE(log.lines.size() == 2);
+    CHECK_THAT(log.lines[0], ContainsSubstring("attempt 1 (start)") && !ContainsSubstring("explains"));
+    CHECK_THAT(log.lines[1],
+               ContainsSubstring("attempt 1 (states anew)") && ContainsSubstring("explains the readings"));
+    CHECK(result.estimate.status == estimator::EstimateStatus::converged);
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+        const estimator::Estimated& one = result.estimate.parameters[i];
+        CHECK_THAT(one.value, WithinAbs(truth[i], 4.0 * one.sd));
     }
 }
 
