@@ -112,8 +112,12 @@ std::vector<std::unique_ptr<estimator::Residual>> ProblemResiduals::copies() con
     if (cycles) list.push_back(std::make_unique<orbits::CycleResidual>(*cycles));
     for (const auto& one : series)
         list.push_back(std::make_unique<orbits::SeriesResidual>(*one));
+    for (const auto& one : shooting)
+        list.push_back(std::make_unique<orbits::ShootingResidual>(*one));
     if (waveform.residual) list.push_back(std::make_unique<periodic::WaveformResidual>(*waveform.residual));
     if (branch) list.push_back(std::make_unique<periodic::BranchResidual>(*branch));
+    for (const auto& one : prediction)
+        list.push_back(std::make_unique<orbits::PredictionResidual>(*one));
     return list;
 }
 

@@ -29,7 +29,7 @@ struct ProblemResiduals {
 
     /// Cycles, then series by single and by multiple shooting, then waveform and branch; predictions last.
     [[nodiscard]] std::vector<const estimator::Residual*> all() const;
-    /// A copy of each, but of nodes and predictions.
+    /// A copy of each, in the same order.
     [[nodiscard]] std::vector<std::unique_ptr<estimator::Residual>> copies() const;
 };
 

@@ -145,6 +145,13 @@ def test_progress_is_told_and_its_exception_raised(swing):
         identified(swing, progress=failing)
 
 
+def test_several_starts_lead_to_the_same_end(swing):
+    alone, several = identified(swing), identified(swing, starts=5)
+    assert several.status == "converged"
+    for name, one in alone.parameters.items():
+        assert abs(several.parameters[name].value - one.value) < 0.01 * one.sd
+
+
 def test_ctrl_c_gives_the_best_so_far(swing):
     asked = []
 

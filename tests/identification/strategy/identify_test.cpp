@@ -78,6 +78,18 @@ private:
     std::atomic<bool> stopped_ = false;
 };
 
+/// Says stop from the nth question on, which may come from several threads.
+class CountingObserver : public identification::Observer {
+public:
+    explicit CountingObserver(int most) : most_(most) {}
+    [[nodiscard]] bool stopped() const override { return ++asked_ > most_; }
+    [[nodiscard]] int asked() const { return asked_; }
+
+private:
+    const int most_;
+    mutable std::atomic<int> asked_ = 0;
+};
+
 /// Keeps stages and matching in memory, and counts what is computed.
 class KeepingObserver : public identification::Observer {
 public:
@@ -245,6 +257,49 @@ TEST_CASE("stopped within a stage, the estimate is the best of the stages that s
     CHECK_THAT(result.estimate.message, ContainsSubstring("of the stage prediction; series interrupted"));
     for (std::size_t i = 0; i < 2; ++i)
         CHECK(result.estimate.parameters.at(i).value == result.stages[0].parameters[i].value);
+}
+
+TEST_CASE("several starts go with predictions and with nodes", "[identification]") {
+    const IdentificationProblem problem = henon_problem();
+    const IdentificationResult one = identification::identify(problem);
+    identification::Options options;
+    options.starts = 4;
+    const IdentificationResult several = identification::identify(problem, options);
+    CAPTURE(several.estimate.message);
+    CHECK(several.estimate.status == EstimateStatus::converged);
+    REQUIRE(several.runs.size() == 4);
+    // The first start is the problem's own, as the prediction before it has moved it.
+    REQUIRE_FALSE(several.optima.empty());
+    CHECK(several.runs[0].optimum == 0);
+    REQUIRE(several.estimate.parameters.size() == one.estimate.parameters.size());
+    for (std::size_t i = 0; i < one.estimate.parameters.size(); ++i) {
+        const estimator::Estimated& same = one.estimate.parameters[i];
+        CAPTURE(same.name);
+        CHECK(std::abs(several.estimate.parameters[i].value - same.value) < 0.01 * same.sd);
+        CHECK(several.estimate.parameters[i].start == same.start);
+    }
+}
+
+TEST_CASE("stopped at any question, an identification ends by name", "[identification]") {
+    const IdentificationProblem problem = henon_problem();
+    identification::Options options;
+    options.starts = 2;
+    CountingObserver never(std::numeric_limits<int>::max());
+    const IdentificationResult whole = identification::identify(problem, options, never);
+    REQUIRE(whole.estimate.status == EstimateStatus::converged);
+    REQUIRE(never.asked() > 10);
+    constexpr int stops = 12;
+    for (int k = 0; k < stops; ++k) {
+        CountingObserver observer(never.asked() * k / stops);
+        const IdentificationResult result = identification::identify(problem, options, observer);
+        CAPTURE(k, never.asked(), observer.asked(), result.estimate.message);
+        CHECK(result.estimate.parameters.size() == (result.stages.empty() ? 0U : 2U));
+        // The last questions come when all is found.
+        if (result.estimate.status == EstimateStatus::converged && k > stops / 2)
+            CHECK(result.estimate.objective == whole.estimate.objective);
+        else
+            CHECK(result.estimate.status == EstimateStatus::interrupted);
+    }
 }
 
 TEST_CASE("stopped before it begins, there is no estimate", "[identification]") {
