@@ -40,7 +40,8 @@ std::string whole_file(const std::filesystem::path& path) {
     if (!stream) throw DataError(fmt::format("{}: cannot be opened for reading: {}", path.string(), system()));
     std::string text;
     text.reserve(static_cast<std::size_t>(size));
-    std::string piece(std::size_t{1} << 20, '\0');
+    // One byte more than the file: the first read of a small one finds its end.
+    std::string piece(std::min(static_cast<std::size_t>(size) + 1, std::size_t{1} << 20), '\0');
     std::size_t line_start = 0, lines = 0;
     while (stream) {
         stream.read(piece.data(), static_cast<std::streamsize>(piece.size()));
