@@ -65,8 +65,12 @@ ErrorCoordinate scale_coordinate(const Group& group) {
 }
 
 /// dof, relative, correlation: `rule` says in words what [least, most] means.
-ErrorCoordinate shape_coordinate(const Group& group, const char* name, Kind kind, const ErrorParameter& parameter,
+ErrorCoordinate shape_coordinate(const Group& group, const char* name, Kind kind, ErrorParameter parameter,
                                  double least, double most, const char* rule) {
+    // An estimate at a bound comes back from its logarithm with an error of rounding.
+    constexpr double rounding = 1e-12;
+    if (parameter.value > most && parameter.value - most <= rounding * most) parameter.value = most;
+    if (parameter.value < least && least - parameter.value <= rounding * std::abs(least)) parameter.value = least;
     if (!(parameter.value >= least && parameter.value <= most))
         refuse(group, fmt::format("{} = {}: must be {}", name, parameter.value, rule));
     ErrorCoordinate result = checked(group, name, kind, parameter, least, most);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -27,6 +28,14 @@ template <class Parameter>
 /// Values of an estimate, as the estimator's vector.
 [[nodiscard]] inline Eigen::VectorXd estimated_theta(const estimator::Estimate& estimate) {
     return column(estimate.parameters, &estimator::Estimated::value);
+}
+
+/// Whether one of the priors of several parameters names this one.
+[[nodiscard]] inline bool in_joint_prior(const std::vector<estimator::JointNormalPrior>& priors,
+                                         const std::string& name) {
+    return std::any_of(priors.begin(), priors.end(), [&](const estimator::JointNormalPrior& prior) {
+        return std::find(prior.names.begin(), prior.names.end(), name) != prior.names.end();
+    });
 }
 
 /// Scale of a group; null when the estimate has none.

@@ -36,14 +36,9 @@ constexpr double least_share = 1e-3;
 /// scale, and the estimate proper would begin away from its own.
 std::vector<estimator::FreeParameter> for_stages(std::vector<estimator::FreeParameter> parameters,
                                                  const std::vector<estimator::JointNormalPrior>& joint_priors) {
-    const auto has_joint_prior = [&](const std::string& name) {
-        return std::any_of(joint_priors.begin(), joint_priors.end(), [&](const estimator::JointNormalPrior& prior) {
-            return std::find(prior.names.begin(), prior.names.end(), name) != prior.names.end();
-        });
-    };
     for (estimator::FreeParameter& parameter : parameters)
         if (parameter.scale != estimator::Scale::linear && parameter.lower <= 0.0 &&
-            !estimator::is_proper(parameter.prior) && !has_joint_prior(parameter.name))
+            !estimator::is_proper(parameter.prior) && !in_joint_prior(joint_priors, parameter.name))
             parameter.scale = estimator::Scale::linear;
     return parameters;
 }

@@ -90,9 +90,12 @@ bool is_on_its_way(const estimator::Estimate& estimate) {
 
 }  // namespace
 
-std::vector<estimator::FreeParameter> held_near(std::vector<estimator::FreeParameter> parameters, double width) {
+std::vector<estimator::FreeParameter> held_near(std::vector<estimator::FreeParameter> parameters,
+                                                const std::vector<estimator::JointNormalPrior>& joint_priors,
+                                                double width) {
     for (estimator::FreeParameter& one : parameters)
-        if (std::holds_alternative<estimator::FlatPrior>(one.prior) && one.tied_to.empty() && one.start != 0.0)
+        if (std::holds_alternative<estimator::FlatPrior>(one.prior) && one.tied_to.empty() && one.start != 0.0 &&
+            !in_joint_prior(joint_priors, one.name))
             one.prior = estimator::NormalPrior{one.start, width * std::abs(one.start)};
     return parameters;
 }
@@ -112,7 +115,7 @@ SeriesAttempt SeriesAttempts::make(const std::string& name, const SeriesStart& s
         throw;
     }
     work_ += followed_.work - before;
-    std::vector<estimator::FreeParameter> near = held_near(parameters_, prior_width);
+    std::vector<estimator::FreeParameter> near = held_near(parameters_, problem_.joint_priors, prior_width);
     for (std::size_t i = 0; i < near.size(); ++i)
         near[i].start = start.theta[static_cast<Eigen::Index>(i)];
     estimator::EstimateOptions options = search_.estimate;

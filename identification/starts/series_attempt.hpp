@@ -41,9 +41,11 @@ struct SeriesAttempt {
     }
 };
 
-/// Parameters with a normal prior about their start, where they have none; its sd is `width` times the start.
-[[nodiscard]] std::vector<estimator::FreeParameter> held_near(std::vector<estimator::FreeParameter> parameters,
-                                                              double width);
+/// Parameters with a normal prior about their start, where they have none, nor a joint one; its sd is `width` times the
+/// start.
+[[nodiscard]] std::vector<estimator::FreeParameter> held_near(
+    std::vector<estimator::FreeParameter> parameters, const std::vector<estimator::JointNormalPrior>& joint_priors,
+    double width);
 
 /// Estimates with exact matching that show whether a start leads anywhere: rough, in few steps, and with priors half
 /// as wide as the starts of the parameters are large.

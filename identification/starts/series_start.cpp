@@ -63,7 +63,7 @@ std::vector<Place> places(const IdentificationProblem& problem, const Options& o
     // A chosen interval is the user's word, and readings that tell states leave few other minima.
     std::size_t others = anything_followed(problem) ? 12 : 3;
     if (chosen && !anything_followed(problem)) others = 0;
-    const auto near = held_near(parameters, width);
+    const auto near = held_near(parameters, problem.joint_priors, width);
     for (std::uint64_t k = 0; k < others; ++k) {
         const estimator::RandomStream random(options.seed, estimator::RandomPurpose::multi_start, k);
         const double turns = chosen || k % 3 == 0 ? 0.0 : k % 3 == 1 ? 0.125 : 1.0 / 3.0;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "identification/problem/estimated_values.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "models/arithmetic/splitmix64.hpp"
 #include "orbits/observability/course_derivatives.hpp"
@@ -16,13 +17,6 @@ namespace {
 /// A prior that curves the posterior; a uniform one only bounds it.
 bool informs(const estimator::Prior& prior) {
     return estimator::is_proper(prior) && !std::holds_alternative<estimator::UniformPrior>(prior);
-}
-
-bool in_joint_prior(const IdentificationProblem& problem, const std::string& name) {
-    return std::any_of(problem.joint_priors.begin(), problem.joint_priors.end(),
-                       [&](const estimator::JointNormalPrior& prior) {
-                           return std::find(prior.names.begin(), prior.names.end(), name) != prior.names.end();
-                       });
 }
 
 /// Parameters of the estimate that are bound to the delay of an experiment's inputs.
@@ -55,7 +49,7 @@ SharedUnknowns shared_unknowns(const IdentificationProblem& problem, const Estim
         if (!of_the_model[i] || !parameter.tied_to.empty()) continue;
         shared.column[i] = shared.size();
         shared.parameter.push_back(i);
-        shared.known.push_back(informs(parameter.prior) || in_joint_prior(problem, parameter.name));
+        shared.known.push_back(informs(parameter.prior) || in_joint_prior(problem.joint_priors, parameter.name));
     }
     for (std::size_t i = 0; i < count; ++i) {
         if (!of_the_model[i] || setup.parameters[i].tied_to.empty()) continue;

@@ -60,6 +60,8 @@ public:
     void check_delay(const InputDelay& delay, const models::ParameterBinding& binding,
                      const std::vector<std::shared_ptr<const models::InputSignal>>& signals,
                      const models::Sensor& sensor) const;
+    /// A reading with log-normal errors must be > 0.
+    void check_reading(const ErrorForm& form, const Segment& segment, Eigen::Index row, Eigen::Index sample) const;
     /// @return the known sd > 0 of a reading.
     double known_sd(const Segment& segment, Eigen::Index row, Eigen::Index sample) const;
     /// The errors of a coordinate. Their scale is found from the readings unless `scales` has one.

@@ -227,12 +227,7 @@ SeriesResidual::Block SeriesResidual::make_block(std::size_t segment) const {
 double SeriesResidual::known_sd(const Segment& data, std::size_t observed, Eigen::Index k) const {
     if (options_.forms.empty()) return 1.0;
     const ErrorForm& form = options_.forms[observed];
-    const double reading = data.values(row_[observed], k);
-    const auto name = system_->coordinates()[static_cast<std::size_t>(observed_[observed])].name;
-    if (std::holds_alternative<estimator::LogNormalErrors>(form.distribution)) {
-        require(reading > 0.0, fmt::format("segment {}: log-normal errors of {}: reading {} is {}, must be > 0",
-                                           data.label, name, k, reading));
-    }
+    channels().check_reading(form, data, row_[observed], k);
     if (!form.known_sds) return 1.0;
     return channels().known_sd(data, row_[observed], k);
 }

@@ -70,14 +70,19 @@ void check_forms(const ObservedChannels& channels, const models::System& system,
     }
 }
 
-void check_known_sds(const ObservedChannels& channels, const Series& series, const ShootingOptions& options,
-                     const std::vector<ObservedCoordinate>& observed) {
-    for (const ObservedCoordinate& o : observed) {
-        if (!o.known_sds) continue;
+/// Readings must suit the errors that they have.
+void check_readings(const ObservedChannels& channels, const Series& series, const ShootingOptions& options,
+                    const std::vector<ObservedCoordinate>& observed) {
+    for (std::size_t i = 0; i < options.forms.size(); ++i) {
+        const ObservedCoordinate& o = observed[i];
+        if (!o.known_sds && !is_sized(options.forms[i].distribution)) continue;
         for (const std::size_t s : options.segments) {
             const Segment& data = series.segments[s];
-            for (Index k = 0; k < data.values.cols(); ++k)
-                if (std::isfinite(data.values(o.row, k))) channels.known_sd(data, o.row, k);
+            for (Index k = 0; k < data.values.cols(); ++k) {
+                if (!std::isfinite(data.values(o.row, k))) continue;
+                channels.check_reading(options.forms[i], data, o.row, k);
+                if (o.known_sds) channels.known_sd(data, o.row, k);
+            }
         }
     }
 }
@@ -119,7 +124,7 @@ std::shared_ptr<ShootingResidual::Data> ShootingResidual::read(std::shared_ptr<c
     auto data = std::make_shared<Data>();
     data->observed = choose_coordinates(channels, options);
     check_forms(channels, *system, options, data->observed);
-    check_known_sds(channels, series, options, data->observed);
+    check_readings(channels, series, options, data->observed);
     data->instant_sensor = options.sensor;
     if (options.sensor.type == models::Sensor::Type::angle_difference)
         data->instant_sensor.type = models::Sensor::Type::state;

@@ -238,6 +238,10 @@ TEST_CASE("error laws: refusals name the group and the rule", "[estimator]") {
         CHECK_THAT(message, ContainsSubstring(row.part));
     }
     CHECK(refusal({changed(NormalErrors{}, nothing)}).empty());
+    // exp(ln 1e4) and what it may be off by: an estimate at its bound is the start of the next one.
+    CHECK(refusal({changed(StudentErrors{{true, std::exp(std::log(1e4)) * (1.0 + 1e-15), FlatPrior{}}}, nothing)})
+              .empty());
+    CHECK(refusal({changed(AutoregressiveErrors{{true, -(1.0 - 1e-9) - 1e-15, FlatPrior{}}}, nothing)}).empty());
 }
 
 TEST_CASE("error laws: refusals of full covariances", "[estimator]") {

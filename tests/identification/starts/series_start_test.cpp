@@ -132,6 +132,15 @@ TEST_CASE("a sign that nothing tells is that of the start", "[identification][se
     check_truth(result, flow, 0.05);
 }
 
+TEST_CASE("a joint prior is the only one of its parameters, in searches too", "[identification][series]") {
+    const Flow flow{
+        {{"x", "v"}, {"v", "-k * x - c * v"}}, {{"k", 4.0}, {"c", 0.1}}, {1.2, 0.8}, {2.0, 0.0}, 0.1, 200, 0};
+    const auto system = system_of(flow);
+    IdentificationProblem problem = problem_of(system, flow, record_of(*system, flow));
+    problem.joint_priors = {{{"k", "c"}, Eigen::Vector2d(4.0, 0.1), Eigen::Vector2d(16.0, 0.01).asDiagonal()}};
+    check_truth(identification::identify(problem, identification::Options{}), flow, 0.05);
+}
+
 TEST_CASE("a model that misses something is not matched exactly", "[identification][series]") {
     // What is fitted has no cubic damping.
     const Flow flow{{{"x", "v"}, {"v", "-k * x - c * v - 0.4 * v^3"}},

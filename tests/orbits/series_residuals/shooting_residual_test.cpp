@@ -198,6 +198,11 @@ TEST_CASE("shooting refuses what it cannot match", "[orbits][shooting]") {
     options.forms.assign(3, ErrorForm{estimator::NormalErrors{}, 0.0, true});
     refused(series, options, "has no known sd > 0");
     options = {};
+    // y begins at 0, which is no reading of a positive quantity.
+    options.forms.assign(3, ErrorForm{});
+    options.forms[1].distribution = estimator::LogNormalErrors{};
+    refused(series, options, "log-normal errors of y: reading 0 is 0, must be > 0");
+    options = {};
     options.matching.kind = Continuity::Kind::normal;
     refused(series, options, "needs its sds");
     options.matching.sd = Eigen::Vector2d(1.0, 1.0);
