@@ -1,8 +1,12 @@
 #pragma once
 
+#include <concepts>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -38,6 +42,27 @@ template <class Json = nlohmann::json>
 [[nodiscard]] Json json_value_or_discarded(std::string_view text, bool comments = false) {
     if (is_nested_too_deep(text)) return Json(nlohmann::json::value_t::discarded);
     return Json::parse(text, nullptr, false, comments);
+}
+
+/// A number as an integer, which nlohmann's library makes of any number, whole and in its range or not.
+/// @throws Json::type_error  it is none, as where the library is asked for a number and there is a text.
+template <std::integral Integer, class Json>
+[[nodiscard]] Integer whole_number(const Json& value) {
+    const bool fits = value.is_number_unsigned()
+                          ? std::in_range<Integer>(value.template get<std::uint64_t>())
+                          : value.is_number_integer() && std::in_range<Integer>(value.template get<std::int64_t>());
+    if (!fits) throw Json::type_error::create(302, "must be a whole number of its range", &value);
+    return value.template get<Integer>();
+}
+
+/// A list of them.
+template <std::integral Integer, class Json>
+[[nodiscard]] std::vector<Integer> whole_numbers(const Json& list) {
+    if (!list.is_array()) throw Json::type_error::create(302, "must be a list", &list);
+    std::vector<Integer> numbers;
+    for (const Json& value : list)
+        numbers.push_back(whole_number<Integer>(value));
+    return numbers;
 }
 
 }  // namespace orbid::apps

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/json_value.hpp"
 #include "apps/report/html_text.hpp"
 #include "apps/report/plots/run_charts.hpp"
 #include "apps/report/report_chapter.hpp"
@@ -90,11 +91,11 @@ std::string cycles_table(const Json& cycles, const std::vector<ResidualRow>& row
         std::string remarks;
         for (const Json& remark : block_at(cycle, "quality"))
             append_words(remarks, remark.is_string() ? remark.get<std::string>() : "", ", ");
-        table.add({std::to_string(number), std::to_string(cycle.at("period").get<int>()), text_at(cycle, "code"),
-                   rotation_text(cycle), number_cell(largest_multiplier(cycle), 4), multipliers_text(cycle),
-                   number_cell(largest_multiplier_sd(cycle), 2), number_cell(worst_sd(cycle), 2),
-                   number_cell(number_at(cycle, "time"), 6), number_cell(number_at(cycle, "recurrences"), 6),
-                   number_cell(number_at(cycle, "mirror"), 9),
+        table.add({std::to_string(number), std::to_string(whole_number<int>(cycle.at("period"))),
+                   text_at(cycle, "code"), rotation_text(cycle), number_cell(largest_multiplier(cycle), 4),
+                   multipliers_text(cycle), number_cell(largest_multiplier_sd(cycle), 2),
+                   number_cell(worst_sd(cycle), 2), number_cell(number_at(cycle, "time"), 6),
+                   number_cell(number_at(cycle, "recurrences"), 6), number_cell(number_at(cycle, "mirror"), 9),
                    fit == fits.end() ? "" : number_cell(fit->second, 3, fit->second > 3.0 ? "caution" : ""), remarks});
         ++number;
     }

@@ -82,7 +82,7 @@ MeasuredMotion measured_of(const nlohmann::json& json) {
     motion.label = json.at("label").get<std::string>();
     motion.parameter = json.at("parameter").get<double>();
     motion.used = json.at("used").get<bool>();
-    if (json.at("unstable").is_number()) motion.unstable = json["unstable"].get<int>();
+    if (json.at("unstable").is_number()) motion.unstable = whole_number<int>(json["unstable"]);
     for (const auto& one : json.at("values"))
         motion.values.push_back({one.at("name").get<std::string>(), one.at("unit").get<std::string>(),
                                  detail::number_of(one.at("observed")), detail::number_of(one.at("predicted")),
@@ -111,12 +111,12 @@ BranchPoint point_of(const nlohmann::json& json) {
     point.parameter = json.at("parameter").get<double>();
     point.arclength = json.at("arclength").get<double>();
     point.orbit.status = periodic::OrbitStatus::converged;
-    point.orbit.period = json.at("period").get<int>();
-    point.orbit.rotation = json.at("rotation").get<std::vector<int>>();
+    point.orbit.period = whole_number<int>(json.at("period"));
+    point.orbit.rotation = whole_numbers<int>(json.at("rotation"));
     point.orbit.time = detail::number_of(json.at("time"));
     point.orbit.points = detail::columns_of(json.at("points"));
     point.orbit.multipliers = detail::complex_of(json.at("multipliers"));
-    point.unstable = json.at("unstable").get<int>();
+    point.unstable = whole_number<int>(json.at("unstable"));
     if (!json.at("bifurcation").is_null()) {
         point.bifurcation = detail::named(json["bifurcation"].get<std::string>(), Bifurcation::branch_point).value();
         point.parameter_error = detail::number_of(json.at("parameter_error"));
@@ -128,8 +128,8 @@ BranchPoint point_of(const nlohmann::json& json) {
 Branch branch_of(const nlohmann::json& json) {
     Branch branch;
     if (!json.at("origin").is_null())
-        branch.origin =
-            Branch::Origin{json["origin"].at(0).get<std::size_t>(), json["origin"].at(1).get<std::size_t>()};
+        branch.origin = Branch::Origin{whole_number<std::size_t>(json["origin"].at(0)),
+                                       whole_number<std::size_t>(json["origin"].at(1))};
     branch.first = detail::named(json.at("ends").at(0).get<std::string>(), BranchEnd::interrupted).value();
     branch.last = detail::named(json.at("ends").at(1).get<std::string>(), BranchEnd::interrupted).value();
     for (const auto& point : json.at("points"))

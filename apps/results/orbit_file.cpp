@@ -78,22 +78,22 @@ ComputedOrbit orbit_of(const nlohmann::json& json) {
     computed.computed = status.has_value();
     orbit.status = status.value_or(OrbitStatus::no_progress);
     if (json.at("message").is_string()) computed.message = json["message"].get<std::string>();
-    orbit.period = json.at("period").get<int>();
-    orbit.rotation = json.at("rotation").get<std::vector<int>>();
+    orbit.period = whole_number<int>(json.at("period"));
+    orbit.rotation = whole_numbers<int>(json.at("rotation"));
     orbit.points = detail::columns_of(json.at("points"));
     orbit.multipliers = detail::complex_of(json.at("multipliers"));
     orbit.time = detail::number_of(json.at("time"));
-    if (json.at("mirror").is_number()) computed.mirror = json["mirror"].get<int>();
+    if (json.at("mirror").is_number()) computed.mirror = whole_number<int>(json["mirror"]);
     orbit.sticking = !json.at("quality").empty();
     computed.origin = json.at("origin").get<std::string>();
-    computed.hits = json.value("hits", std::size_t{1});
+    computed.hits = json.contains("hits") ? whole_number<std::size_t>(json["hits"]) : 1;
     orbit.residual = detail::number_of(json.at("residual"));
-    orbit.iterations = json.at("iterations").get<int>();
+    orbit.iterations = whole_number<int>(json.at("iterations"));
     orbit.distance = detail::number_of(json.at("distance"));
     computed.amplitude = detail::amplitude_from(json);
     if (json.contains("unstable")) {
         computed.stability.emplace();
-        computed.stability->unstable = json["unstable"].get<int>();
+        computed.stability->unstable = whole_number<int>(json["unstable"]);
         computed.stability->nearest =
             detail::named(json.at("bifurcation_near").get<std::string>(), Bifurcation::branch_point)
                 .value_or(Bifurcation::none);
@@ -182,10 +182,10 @@ std::optional<StoredOrbits> stored_orbits(std::string_view text) {
             stored.orbits.list.push_back(orbit_of(orbit));
         if (json.contains("search")) {
             stored.orbits.searched = true;
-            stored.orbits.starts = json["search"].at("starts").get<std::size_t>();
-            stored.orbits.captured = json["search"].at("captured").get<std::size_t>();
-            stored.orbits.unsettled = json["search"].at("unsettled").get<std::vector<int>>();
-            stored.orbits.index_sums = json["search"].at("index_sums").get<std::vector<int>>();
+            stored.orbits.starts = whole_number<std::size_t>(json["search"].at("starts"));
+            stored.orbits.captured = whole_number<std::size_t>(json["search"].at("captured"));
+            stored.orbits.unsettled = whole_numbers<int>(json["search"].at("unsettled"));
+            stored.orbits.index_sums = whole_numbers<int>(json["search"].at("index_sums"));
         }
         return consistent(stored.orbits.list) ? std::optional(std::move(stored)) : std::nullopt;
     } catch (const nlohmann::json::exception&) {

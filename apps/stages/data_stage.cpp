@@ -102,9 +102,10 @@ Origin origin_of(const std::string& text) {
     for (const auto& entry : json["captured"]) {
         if (!entry.is_object()) continue;
         try {
-            origin.captured.push_back({entry.value("experiment", std::string()), entry.value("trajectory", 0),
-                                       entry.value("section", std::size_t{0}), entry.value("what", std::string())});
-        } catch (const nlohmann::json::type_error&) {
+            origin.captured.push_back(
+                {entry.at("experiment").get<std::string>(), whole_number<int>(entry.at("trajectory")),
+                 whole_number<std::size_t>(entry.at("section")), entry.at("what").get<std::string>()});
+        } catch (const nlohmann::json::exception&) {
             return {};
         }
     }

@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "apps/documents/json_value.hpp"
 #include "apps/results/summary_table.hpp"
 #include "apps/stored_run/stored_record.hpp"
 #include "models/definition/parameter.hpp"
@@ -25,7 +26,7 @@ PointsByPeriod points_of(const Json& list) {
     PointsByPeriod periods;
     for (const Json& cycle : list.at("cycles")) {
         if (cycle.contains("status") && cycle["status"] != "converged") continue;
-        periods[cycle.at("period").get<int>()].push_back(cycle.at("points").get<Points>());
+        periods[whole_number<int>(cycle.at("period"))].push_back(cycle.at("points").get<Points>());
     }
     return periods;
 }

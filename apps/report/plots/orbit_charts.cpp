@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "apps/documents/json_value.hpp"
 #include "apps/drawing/branch_plot.hpp"
 #include "apps/drawing/section_plot.hpp"
 #include "apps/report/plots/cycle_pairing.hpp"
@@ -31,7 +32,7 @@ std::map<int, PeriodPoints> points_by_period(const Json& cycles) {
     for (std::size_t number = 0; number < cycles.size(); ++number) {
         const Json& cycle = cycles[number];
         if (is_left_out(cycle)) continue;
-        PeriodPoints& out = periods[cycle.at("period").get<int>()];
+        PeriodPoints& out = periods[whole_number<int>(cycle.at("period"))];
         ++out.orbits;
         const Json& points = cycle.at("points");
         for (std::size_t j = 0; j < points.size(); ++j) {
@@ -85,7 +86,7 @@ std::map<int, std::vector<Growth>> growths(const StoredRun& run) {
     const Json& computed = block_at(run.orbits_of_estimate(), "cycles");
     std::map<int, std::vector<Growth>> periods;
     const auto add = [&periods](const Json& cycle, const Growth& growth) {
-        if (growth.size() > 0.0) periods[cycle.at("period").get<int>()].push_back(growth);
+        if (growth.size() > 0.0) periods[whole_number<int>(cycle.at("period"))].push_back(growth);
     };
     const std::vector<std::size_t> places = shared_places(run);
     std::vector<Pairing> pairs;
@@ -116,7 +117,7 @@ BranchBands predicted_bands(const StoredRun& run) {
     const Json& points = block_at(branch, "points");
     int sheet = 0;
     for (std::size_t k = 0; k < points.size(); ++k) {
-        const int own = points.at(k).at("sheet").get<int>();
+        const int own = whole_number<int>(points.at(k).at("sheet"));
         for (const auto& [name, band] : points.at(k).at("quantities").items()) {
             const bool shown =
                 name == "frequency" || !block_at(run.prediction, "measured").empty() || name.ends_with(".half_range");
