@@ -91,6 +91,11 @@ double log_sd(const Prior& prior) {
     return std::numeric_limits<double>::quiet_NaN();
 }
 
+/// A value on a logarithmic scale is positive, however far a step goes: only at u = -infinity it is 0.
+double positive(double value, double u) {
+    return std::isfinite(u) ? std::max(value, std::numeric_limits<double>::min()) : value;
+}
+
 }  // namespace
 
 double Coordinate::at(double natural) const {
@@ -101,8 +106,8 @@ double Coordinate::at(double natural) const {
 }
 
 double Coordinate::natural(double u) const {
-    if (scale == Scale::log) return std::exp(u);
-    if (scale == Scale::log10) return std::pow(10.0, u);
+    if (scale == Scale::log) return positive(std::exp(u), u);
+    if (scale == Scale::log10) return positive(std::pow(10.0, u), u);
     if (scale == Scale::linear) return u;
     // From the nearer bound, and never beyond it by rounding.
     const double x = u <= 0.0 ? lower + (upper - lower) * logistic(u) : upper - (upper - lower) * logistic(-u);

@@ -108,7 +108,8 @@ void CycleResidual::subtract_known(const estimator::ActiveSet& active, std::vect
         const MatrixXd common = own_common(active, b);
         if (common.size() > 0 && value.status == estimator::BlockStatus::ok && value.e.size() > 0) {
             MatrixXd e(value.e.size(), 1 + value.e_theta.cols());
-            e << value.e, value.e_theta;
+            e.col(0) = value.e;
+            if (value.e_theta.cols() > 0) e.rightCols(value.e_theta.cols()) = value.e_theta;
             known.take_from(common, e);
             const VectorXd& gain = active.memory[memory_parts * b + gain_part];
             if (gain.size() > 0) known.learn(gain.reshaped(shared_, e.rows()), e);

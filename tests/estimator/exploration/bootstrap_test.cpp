@@ -157,7 +157,8 @@ TEST_CASE("a normal prior is drawn anew like a record", "[estimator][bootstrap]"
     fit.parameters = {free_parameter("mean", 10.0)};
     fit.parameters[0].prior = estimator::NormalPrior{8.0, 0.5};
     fit.run();
-    const auto& x = fit.bootstrap(options_of(4000)).parameters[0];
+    const Bootstrap found = fit.bootstrap(options_of(4000));
+    const auto& x = found.parameters[0];
     // Information 4 / 2^2 of the records and 1 / 0.5^2 of the prior.
     CHECK_THAT(x.sd, WithinRel(1.0 / std::sqrt(5.0), 1e-6));
     CHECK_THAT(x.bootstrap_sd, WithinRel(x.sd, 0.045));

@@ -81,6 +81,13 @@ TEST_CASE("round trips, also at the ends of what a double holds", "[estimator][c
         CHECK(wide.natural(u) <= 7.0);
     }
     CHECK(std::isnan(wide.at(7.1)));
+    // exp(-1000) is 0 in double precision, which is no value of the scale.
+    for (const Scale scale : {Scale::log, Scale::log10}) {
+        const Coordinate small{scale, 0.0, infinity};
+        CHECK(small.natural(-1000.0) > 0.0);
+        CHECK(std::isfinite(small.at(small.natural(-1000.0))));
+        CHECK(small.natural(-infinity) == 0.0);
+    }
 }
 
 TEST_CASE("slopes are dx/du", "[estimator][coordinate]") {

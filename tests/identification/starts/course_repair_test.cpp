@@ -276,7 +276,8 @@ TEST_CASE("a piece of a record has its own readings", "[identification][series]"
 TEST_CASE("an attempt ends where it would cost too much", "[identification][series]") {
     const Laser data = laser();
     const auto setup = identification::estimate_setup(data.problem, identification::fitted_labels(data.problem));
-    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, {});
+    const identification::SeriesSearch search;
+    identification::SeriesAttempts attempts(data.problem, setup, setup.parameters, search);
     attempts.limit(1, 1000000);
     const identification::SeriesAttempt one = attempts.make("costly", start_on(data.course));
     CHECK(one.cut);
