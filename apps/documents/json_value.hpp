@@ -44,8 +44,8 @@ template <class Json = nlohmann::json>
     return Json::parse(text, nullptr, false, comments);
 }
 
-/// A number as an integer, which nlohmann's library makes of any number, whole and in its range or not.
-/// @throws Json::type_error  it is none, as where the library is asked for a number and there is a text.
+/// A number as an integer. nlohmann's get() converts any number, also 0.5 and those beyond the range of the integer.
+/// @throws Json::type_error  the value is no whole number of that range.
 template <std::integral Integer, class Json>
 [[nodiscard]] Integer whole_number(const Json& value) {
     const bool fits = value.is_number_unsigned()
