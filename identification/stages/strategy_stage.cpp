@@ -184,7 +184,7 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     if (run.residuals.all().empty())
         return skipped(stage, parameters, "no cycle was found: there is nothing to estimate from");
     check_enough_readings(input.problem, input.setup, run.residuals);
-    // A prediction has no false minima to leave: it starts from the readings.
+    // A prediction starts from the readings in every interval; "scan" is its way to other parameters.
     if (input.starts != nullptr && input.options.starts > 1 && stage.kind != Stage::Kind::prediction)
         try_starts(input, memory, known, run.residuals, parameters);
     if (!known) {

@@ -73,13 +73,6 @@ const FieldTable<MultiStartJob>& multi_start_fields() {
     return table;
 }
 
-void check_starts(const ValueReader& multi_start, const Job&, EstimateJob& estimate) {
-    if (estimate.multi_start.starts > 1 && estimate.strategy.size() > 1)
-        ObjectReader(multi_start)
-            .find("starts")
-            ->report("several starts go with one stage; the stages of a strategy find their own");
-}
-
 /// What the estimate's parameters are called, so far as it does not depend on data: the several segments of an initial
 /// value are named together.
 std::vector<std::string> estimated_names(const Job& job, const EstimateJob& estimate) {
@@ -175,10 +168,9 @@ Field<EstimateJob> parameter_choice_field(const char* name, const char* descript
 }  // namespace
 
 void add_posterior_fields(FieldTable<EstimateJob>& table) {
-    table.push_back(
-        object_field<EstimateJob>(key("multi_start", {}, "Estimates from several starts; the best goes on."),
-                                  multi_start_fields(), &EstimateJob::multi_start)
-            .with_rule(check_starts));
+    table.push_back(object_field<EstimateJob>(
+        key("multi_start", {}, "Every stage but a prediction estimates from several starts; the best goes on."),
+        multi_start_fields(), &EstimateJob::multi_start));
     table.push_back(object_field<EstimateJob>(key("posterior", {}, "Draws from the posterior density."),
                                               posterior_fields(), std::identity{}));
     table.push_back(object_field<EstimateJob>(key("intervals", {}, "Intervals by simulation (bootstrap)."),

@@ -147,10 +147,17 @@ TEST_CASE("strategies that cannot be meant are refused with place and rule", "[a
     refused(both + R"("strategy": ["series", {}])", "/strategy/1: \"if_needed\" is missing");
     refused(cycles + R"("scan": true)", "/scan: belongs to the stage \"prediction\"");
     refused(R"("strategy": "auto", "scan": 1)", "/scan: must be true or false");
-    refused(R"("strategy": "auto", "multi_start": { "starts": 3 })",
-            "/multi_start/starts: several starts go with one stage");
     check_only(R"({ "model": { "name": "lorenz" }, "estimate": { "parameters": {}, "strategy": "auto" } })",
                "/estimate/strategy: \"auto\" needs \"data\", or \"orbits\" with a file of cycles");
+}
+
+TEST_CASE("several starts go with one stage and with several", "[apps][job]") {
+    for (const char* strategy : {R"("series")", R"("prediction", "series")"}) {
+        const auto estimate = read_back(samples_job(
+            "", std::string(R"("strategy": [)") + strategy + R"(], "multi_start": { "starts": 3, "seed": 5 })"));
+        CHECK(estimate.multi_start.starts == 3);
+        CHECK(estimate.multi_start.seed == 5);
+    }
 }
 
 TEST_CASE("nodes and matching of a series are read, with what is usual where nothing is said", "[apps][job]") {
