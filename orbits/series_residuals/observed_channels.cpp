@@ -141,8 +141,9 @@ void ObservedChannels::check_delay(const InputDelay& delay, const models::Parame
 void ObservedChannels::check_reading(const ErrorForm& form, const Segment& segment, Index row, Index sample) const {
     const double reading = segment.values(row, sample);
     require(!std::holds_alternative<estimator::LogNormalErrors>(form.distribution) || reading > 0.0,
-            "segment {}: log-normal errors of {}: reading {} is {}, must be > 0", segment.label,
-            series_.coordinate(row).name, sample, reading);
+            "segment {}: log-normal errors of {}: reading {} is {}, must be > 0; \"normal\" and \"relative\" errors "
+            "allow others",
+            segment.label, series_.coordinate(row).name, sample, reading);
 }
 
 double ObservedChannels::known_sd(const Segment& segment, Index row, Index sample) const {

@@ -199,7 +199,9 @@ void WaveformResidual::check_readings(const WaveformRecord& record) const {
         for (Index k = 0; k < row.size(); ++k) {
             if (std::isnan(row(k))) continue;
             need(!std::holds_alternative<estimator::LogNormalErrors>(channel.distribution) || row(k) > 0.0,
-                 fmt::format("log-normal errors of {}: reading {} is {}, must be > 0", name, k, row(k)));
+                 fmt::format("log-normal errors of {}: reading {} is {}, must be > 0; \"normal\" and \"relative\" "
+                             "errors allow others",
+                             name, k, row(k)));
             if (!channel.known_sds) continue;
             const double sd = sds ? record.deviations(static_cast<Index>(c), k) : 0.0;
             need(sd > 0.0 && std::isfinite(sd), fmt::format("reading {} of {} has no known sd > 0", k, name));
