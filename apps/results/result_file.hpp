@@ -23,9 +23,9 @@ struct InitialState {
     struct Value {
         std::string coordinate;
         std::string unit;
-        double value;
-        double sd;       ///< nan when undetermined or held fixed
-        bool estimated;  ///< false: held at a given value
+        double value = 0.0;
+        double sd = 0.0;         ///< nan when undetermined or held fixed
+        bool estimated = false;  ///< false: held at a given value
     };
     std::vector<Value> values;
 };
