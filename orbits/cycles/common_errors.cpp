@@ -40,6 +40,7 @@ void shorten_common_errors(std::vector<Cycle>& cycles) {
     MatrixXd long_form(columns, records);
     Index first = 0;
     for (const Cycle& cycle : cycles) {
+        if (cycle.common.rows() == 0) continue;
         long_form.middleCols(first, cycle.common.rows()) = cycle.common.transpose();
         first += cycle.common.rows();
     }
