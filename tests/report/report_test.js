@@ -23,6 +23,25 @@ const coloured = (page, name) => page.evaluate((chart) => {
   return count;
 }, name);
 
+/** What the section of table 3 shows: its canvas as a data URL. */
+const section_picture = (page) => page.evaluate(() => document.querySelector("#plot-section canvas").toDataURL());
+
+/** Waits until the section shows `picture`; fails after half a minute. */
+const shows_again = (page, picture) => page.waitForFunction(
+  (expected) => document.querySelector("#plot-section canvas").toDataURL() === expected, picture, { polling: 50 });
+
+/** Waits until the section shows something else than `picture` and no longer changes, and returns it. */
+async function next_picture(page, picture) {
+  await page.waitForFunction(
+    (old) => document.querySelector("#plot-section canvas").toDataURL() !== old, picture, { polling: 50 });
+  for (let last = picture; ;) {
+    const now = await section_picture(page);
+    if (now === last) return now;
+    last = now;
+    await page.waitForTimeout(200);
+  }
+}
+
 for (const name of reports) {
   test(`${name}: opens without errors and requests, every chart is drawn`, async () => {
     const page = await open_report(session.browser, name);
@@ -92,30 +111,25 @@ test("all points arrive, and zoom by keys, buttons and drag shows other pixels",
   await see_all(page);
   const figure = page.locator("#plot-section");
   assert.equal(await figure.getAttribute("data-points"), "1048576");
-  const picture = () => page.evaluate(() => document.querySelector("#plot-section canvas").toDataURL());
-  const settled = async () => {
-    await page.waitForTimeout(400);
-    return picture();
-  };
-  const whole = await settled();
+  const whole = await section_picture(page);
   await figure.locator(".plot").focus();
   await page.keyboard.press("+");
-  const near = await settled();
-  assert.notEqual(near, whole);
+  const near = await next_picture(page, whole);
   await page.keyboard.press("ArrowRight");
-  assert.notEqual(await settled(), near);
+  await next_picture(page, near);
   await page.keyboard.press("0");
-  assert.equal(await settled(), whole);
+  await shows_again(page, whole);
   await figure.getByRole("button", { name: /^Zoom in/ }).click();
-  assert.equal(await settled(), near);
+  await shows_again(page, near);
   await figure.getByRole("button", { name: /^Show all/ }).click();
+  await shows_again(page, whole);
   const box = await figure.locator(".u-over").boundingBox();
   await page.mouse.move(box.x + 0.3 * box.width, box.y + 0.3 * box.height);
   await page.mouse.down();
   await page.mouse.move(box.x + 0.5 * box.width, box.y + 0.6 * box.height, { steps: 5 });
   await page.mouse.up();
   await page.mouse.move(0, 0);
-  assert.notEqual(await settled(), whole);
+  await next_picture(page, whole);
   assert.deepEqual(page.wrong, []);
   await page.context().close();
 });
@@ -132,15 +146,13 @@ test("the cursor names the cycle under it, and the legend switches a period off"
   const x = box.x + ((layer.x[0] - view.x.lower) / (view.x.upper - view.x.lower)) * box.width;
   const y = box.y + (1 - (layer.y[0] - view.y.lower) / (view.y.upper - view.y.lower)) * box.height;
   await page.mouse.move(x, y);
-  await page.waitForTimeout(150);
-  assert.match(await figure.locator("output").textContent(), new RegExp(`^${layer.labels[0].replace(/[|.]/g, "\\$&")}`));
+  await figure.locator("output", { hasText: new RegExp(`^${layer.labels[0].replace(/[|.]/g, "\\$&")}`) }).waitFor();
   await page.mouse.move(0, 0);
-  const before_ = await page.evaluate(() => document.querySelector("#plot-section canvas").toDataURL());
+  const before_ = await section_picture(page);
   const button = figure.getByRole("button", { name: "period 1" });
   await button.click();
-  await page.waitForTimeout(200);
+  await next_picture(page, before_);
   assert.equal(await button.getAttribute("aria-pressed"), "false");
-  assert.notEqual(await page.evaluate(() => document.querySelector("#plot-section canvas").toDataURL()), before_);
   await page.context().close();
 });
 
@@ -169,7 +181,7 @@ test("dark mode changes page and charts", async () => {
     const page = await open_report(session.browser, "pendulum_table3", { colorScheme });
     await see_all(page);
     colours.push(await page.evaluate(() => getComputedStyle(document.documentElement).backgroundColor),
-      await page.evaluate(() => document.querySelector("#plot-section canvas").toDataURL()));
+      await section_picture(page));
     await page.context().close();
   }
   assert.notEqual(colours[0], colours[2]);
