@@ -124,14 +124,20 @@ Eigen::MatrixXd probe_starts(const models::System& system, const Eigen::VectorXd
 Eigen::VectorXd typical_range(const models::System& system, const Eigen::VectorXd& theta, double phase, double duration,
                               std::uint64_t seed, const models::FlowOptions& flow) {
     constexpr std::size_t periods = 64;
-    constexpr std::size_t looks = 256;  // instants at which a system without sections is looked at
+    constexpr std::size_t looks = 256;         // instants at which a system without sections is looked at
+    constexpr std::size_t hopeless_part = 16;  // of all steps, when spent before the first look
     const Eigen::Index n = system.dimension();
     const Eigen::MatrixXd starts = probe_starts(system, Eigen::VectorXd::Constant(n, system.state_size()), seed);
     Eigen::VectorXd range = Eigen::VectorXd::Zero(n);
     if (system.kind() == models::Kind::autonomous) {
         const std::vector<double> durations = instants_until(duration, looks);
+        const std::vector<double> first_look{durations[1]};
+        models::FlowOptions start_only = flow;
+        start_only.maximum_steps = std::max(std::size_t{1}, flow.maximum_steps / hopeless_part);
         std::vector<Eigen::VectorXd> reached(probe_count, Eigen::VectorXd::Zero(n));
         oneapi::tbb::parallel_for(Eigen::Index{0}, probe_count, [&](Eigen::Index p) {
+            const auto begin = system.flow(starts.col(p), phase, first_look, theta, models::Clock::time, start_only);
+            if (begin.status != models::FlowStatus::ok) return;
             const auto result = system.flow(starts.col(p), phase, durations, theta, models::Clock::time, flow);
             if (result.status == models::FlowStatus::ok)
                 reached[static_cast<std::size_t>(p)] = result.states.cwiseAbs().rowwise().maxCoeff();
