@@ -216,6 +216,7 @@ std::string read_whole_file(const std::filesystem::path& path, std::uintmax_t mo
     const auto too_large = [&] { unreadable(path, fmt::format("it has more than {} bytes", most)); };
     if (static_cast<std::uintmax_t>(status.st_size) > most) too_large();
     std::string bytes;
+    bytes.reserve(static_cast<std::size_t>(status.st_size));
     std::string buffer(std::size_t{1} << 16, '\0');  // large enough that system calls do not matter
     while (true) {
         const ssize_t got = ::read(file.value(), buffer.data(), buffer.size());

@@ -3,6 +3,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -308,8 +309,8 @@ EstimateOutcome run_estimate(const Workspace& work, const std::vector<Experiment
     for (const auto& parameter : observer.setup().parameters)
         outcome.context.posterior.parameters.push_back(parameter.name);
 
-    const IdentificationResult result = identify(problem, identification_options(work.job), observer);
-    outcome.estimate = result.estimate;
+    IdentificationResult result = identify(problem, identification_options(work.job), observer);
+    outcome.estimate = std::move(result.estimate);
     work.stop.shows(interrupted_result(outcome.estimate, outcome.context));
     const bool estimated = result.best != nullptr;
     if (estimated) {

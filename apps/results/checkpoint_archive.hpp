@@ -38,6 +38,13 @@ public:
     /// Whether nothing is left to read.
     [[nodiscard]] bool at_end() const { return left_.empty(); }
 
+    /// Reads a text without copying it. @throws DamagedCheckpoint when there are too few bytes.
+    [[nodiscard]] std::string_view text() {
+        const std::string_view found = left_.substr(0, count(0, 1));
+        left_.remove_prefix(found.size());
+        return found;
+    }
+
     /// @throws DamagedCheckpoint when reading finds too few bytes.
     template <class... T>
     void operator()(T&... values) {
