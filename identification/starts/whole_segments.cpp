@@ -66,21 +66,26 @@ double error_growth(const orbits::SeriesResidual& residual, const Eigen::VectorX
     return growth;
 }
 
+std::string unbearable_growth(const IdentificationProblem& problem, const ProblemResiduals& residuals,
+                              const Eigen::VectorXd& theta) {
+    for (std::size_t i = 0; i < residuals.series.size(); ++i)
+        if (const double growth = error_growth(*residuals.series[i], theta); growth > most_growth)
+            return fmt::format("{}: errors of the first state grow {:.0e} times along a segment",
+                               problem.experiments[residuals.experiments[i]].name, growth);
+    return {};
+}
+
 std::string divide_where_errors_grow(IdentificationProblem& problem) {
     if (!problem.series || problem.series->interval || !problem.series->unless_errors_grow) return {};
     EstimateSetup setup = estimate_setup(problem, fitted_labels(problem));
     ProblemResiduals residuals;
     add_series(problem, setup, residuals);
-    for (std::size_t i = 0; i < residuals.series.size(); ++i) {
-        const double growth = error_growth(*residuals.series[i], setup.start());
-        if (!(growth > most_growth)) continue;
-        problem.series->interval = SeriesChoice::automatic_interval;
-        return fmt::format(
-            "{}: at the start errors of the first state grow {:.0e} times along a segment, which no course in one "
-            "piece can follow: the series has nodes, as with \"interval\": \"auto\"",
-            problem.experiments[residuals.experiments[i]].name, growth);
-    }
-    return {};
+    const std::string growth = unbearable_growth(problem, residuals, setup.start());
+    if (growth.empty()) return {};
+    problem.series->interval = SeriesChoice::automatic_interval;
+    return growth +
+           " at the start, which no course in one piece can follow: the series has nodes, as with \"interval\": "
+           "\"auto\"";
 }
 
 }  // namespace orbid::identification

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "identification/problem/identification_problem.hpp"
+#include "identification/problem/problem_residuals.hpp"
 #include "orbits/series_residuals/series_residual.hpp"
 
 namespace orbid::identification {
@@ -15,6 +16,13 @@ namespace orbid::identification {
 ///
 /// @param theta  where it is computed, natural units, in the order of the estimate's parameters.
 [[nodiscard]] double error_growth(const orbits::SeriesResidual& residual, const Eigen::VectorXd& theta);
+
+/// Where the errors of the first state grow along a segment as no course in one piece can follow (a thousandfold), and
+/// how much, as a sentence without its end; empty: nowhere.
+///
+/// @param residuals  of whole segments of the problem.
+[[nodiscard]] std::string unbearable_growth(const IdentificationProblem& problem, const ProblemResiduals& residuals,
+                                            const Eigen::VectorXd& theta);
 
 /// Gives nodes to a series that asks for them where errors grow (SeriesChoice::unless_errors_grow).
 /// @return what was found, as a sentence; empty: the series stays as it is

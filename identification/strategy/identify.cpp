@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -120,7 +121,26 @@ public:
     [[nodiscard]] const Options& options() const { return options_; }
     [[nodiscard]] const StrategyRun& strategy() const { return strategy_; }
 
+    /// Ends a minimisation over whole segments that comes to where no course in one piece can follow them. It could
+    /// wander there for minutes.
+    void leave_where_errors_grow() { leaves_growth_ = true; }
+    /// Where it was ended so, as a sentence without its end; empty: it was not.
+    [[nodiscard]] const std::string& growth_met() const { return growth_met_; }
+
 private:
+    /// What is kept of the estimate must be its end.
+    void watch_growth(estimator::EstimateOptions& estimate) {
+        estimate.watched = [this, told = estimate.watched,
+                            next = first_look_](const estimator::StepReport& report) mutable {
+            told(report);
+            if (report.iteration < next || !growth_met_.empty()) return;
+            next = 2 * report.iteration;
+            growth_met_ = unbearable_growth(problem_, prepared_, report.theta);
+            if (!growth_met_.empty()) input_->kept = false;
+        };
+        estimate.interrupted = [this, asked = estimate.interrupted] { return asked() || !growth_met_.empty(); };
+    }
+
     void prepare() {
         if (options_.strategy.size() <= 1) observer_.begin("estimate", 0.0, {});
         observer_.within("first solutions");
@@ -148,6 +168,7 @@ private:
                                   {},
                                   true});
         input_->signs = result_.structure.signs;
+        if (leaves_growth_) watch_growth(input_->estimate);
         if (problem_.measured.find) input_->find_cycles = [this] { find_cycles(problem_.measured, *input_); };
     }
 
@@ -169,13 +190,19 @@ private:
     std::optional<StageInput> input_;
     StrategyRun strategy_;
     IdentificationResult result_;
+    bool leaves_growth_ = false;
+    std::string growth_met_;
+    /// Steps before growth is looked at, then after as many again: a fit that succeeds is over by then.
+    static constexpr int first_look_ = 10;
 };
 
 /// A series over whole segments that is not explained, once more with nodes. @return nothing if that is no better
 std::optional<IdentificationResult> with_nodes(Identification& whole, const Options& given, Observer& observer) {
     if (observer.stopped() || !may_need_nodes(whole.problem(), whole.options().strategy)) return {};
     const auto& first = whole.strategy().best;
-    const std::string need = first ? whole_segments_doubt(*first) : "it could not run";
+    const std::string need = !whole.growth_met().empty() ? whole.growth_met()
+                             : first                     ? whole_segments_doubt(*first)
+                                                         : "it could not run";
     if (need.empty()) return {};
     observer.remark(fmt::format(
         "the series over whole segments is not explained ({}): once more with nodes, as with \"interval\": \"auto\"",
@@ -202,10 +229,15 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     validate(given);
     IdentificationProblem problem = completed(asked);
     if (const std::string found = divide_where_errors_grow(problem); !found.empty()) observer.remark(found);
-    Identification first(std::move(problem), given, observer);
+    Identification first(problem, given, observer);
+    // One of several starts may go astray.
+    if (given.starts <= 1 && may_need_nodes(first.problem(), first.options().strategy)) first.leave_where_errors_grow();
     first.run();
     if (auto divided = with_nodes(first, given, observer)) return std::move(*divided);
-    return first.finish();
+    if (first.growth_met().empty() || observer.stopped()) return first.finish();
+    Identification whole(std::move(problem), given, observer);
+    whole.run();
+    return whole.finish();
 }
 
 IdentificationResult identify(const IdentificationProblem& problem, const Options& options) {
