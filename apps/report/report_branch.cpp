@@ -61,7 +61,7 @@ std::string orbits_table(const Json& list) {
     for (std::size_t i = 0; i < std::min(most_orbits, list.size()); ++i) {
         const Json& orbit = list.at(i);
         std::string point;
-        if (const Json& points = block_at(orbit, "points"); !points.empty()) {
+        if (const Json& points = block_at(orbit, "points"); points.is_array() && !points.empty()) {
             for (const Json& value : points[0])
                 append_words(point, value.is_number() ? significant(number_of(value), 8) : "undefined", ", ");
         }

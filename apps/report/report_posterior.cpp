@@ -15,15 +15,14 @@ namespace {
 using namespace detail;
 
 std::string posterior_interval_text(const Json& entry) {
-    const Json& ends = block_at(entry, "interval95");
-    if (ends.empty()) return "";
+    const auto ends = ends_at(entry, "interval95");
+    if (!ends) return "";
     const double sd = number_at(entry, "sd");
-    const auto end = [sd](const Json& value) {
-        return value.is_number()
-                   ? std::isfinite(sd) ? with_digits_of(value.get<double>(), sd) : significant(value.get<double>(), 5)
-                   : std::string("open");
+    const auto end = [sd](double value) {
+        if (!std::isfinite(value)) return std::string("open");
+        return std::isfinite(sd) ? with_digits_of(value, sd) : significant(value, 5);
     };
-    return fmt::format("[{}, {}]", end(ends[0]), end(ends[1]));
+    return fmt::format("[{}, {}]", end(ends->front()), end(ends->back()));
 }
 
 std::string profile_table(const Json& profiles) {
@@ -88,7 +87,8 @@ std::string simulated_table(const Json& intervals) {
             const double ratio = number_at(entry, "bootstrap_sd") / number_at(entry, "sd");
             const bool far = ratio > 1.5 || ratio < 1.0 / 1.5;
             const auto interval = [&, &row = entry](const char* ends) {
-                return refused || !block_at(row, ends)[0].is_number() ? std::string() : interval_between(row, ends);
+                const auto known = ends_at(row, ends);
+                return refused || !known || std::isnan(known->front()) ? std::string() : interval_between(row, ends);
             };
             table.add({name, number_cell(number_at(entry, "sd"), 3),
                        number_cell(number_at(entry, "bootstrap_sd"), 3, far ? "caution" : ""),

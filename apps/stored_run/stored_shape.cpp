@@ -63,6 +63,19 @@ void check_points(const CheckedFile& file, const Json& orbit, const std::string&
     }
 }
 
+/// A member that is a square matrix of numbers, where it is there.
+void check_square(const CheckedFile& file, const Json& object, const std::string& pointer, const char* key) {
+    const auto matrix = object.find(key);
+    if (matrix == object.end() || matrix->is_null()) return;
+    const std::string at = fmt::format("{}/{}", pointer, key);
+    file.need(matrix->is_array(), at, "must be a list of rows");
+    for (const Json& row : *matrix) {
+        file.need(row.is_array() && row.size() == matrix->size(), at, "must have as many columns as rows");
+        for (const Json& number : row)
+            file.need(number.is_number() || number.is_null(), at, "must hold numbers");
+    }
+}
+
 }  // namespace
 
 void check_cycle_list(const std::filesystem::path& path, const Json& json) {
@@ -72,6 +85,7 @@ void check_cycle_list(const std::filesystem::path& path, const Json& json) {
     for (std::size_t i = 0; i < cycles.size(); ++i) {
         const std::string pointer = fmt::format("/cycles/{}", i);
         check_points(file, cycles[i], pointer, dimension);
+        check_square(file, cycles[i], pointer, "ln_multiplier_covariance");
         const auto mirror = cycles[i].find("mirror");
         if (mirror == cycles[i].end() || mirror->is_null()) continue;
         file.need(mirror->is_number_unsigned() && mirror->get<std::uint64_t>() < cycles.size(), pointer + "/mirror",

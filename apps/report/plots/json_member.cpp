@@ -33,9 +33,15 @@ const Json& block_at(const Json* object, std::string_view key) {
     return block_at(object == nullptr ? none : *object, key);
 }
 
+std::optional<std::array<double, 2>> ends_at(const Json& object, std::string_view key) {
+    const Json& ends = block_at(object, key);
+    if (!ends.is_array() || ends.size() != 2) return std::nullopt;
+    return std::array{number_of(ends[0]), number_of(ends[1])};
+}
+
 double interval_end(const Json& entry, std::size_t end) {
-    const Json& ends = block_at(entry, "interval95");
-    return ends.is_array() && ends.size() == 2 ? number_of(ends[end]) : std::numeric_limits<double>::quiet_NaN();
+    const auto ends = ends_at(entry, "interval95");
+    return ends ? ends->at(end) : std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace orbid::apps::detail

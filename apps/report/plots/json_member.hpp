@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -22,6 +23,9 @@ using Json = nlohmann::ordered_json;
 /// The same of an object that may not be there.
 [[nodiscard]] const Json& block_at(const std::optional<Json>& object, std::string_view key);
 [[nodiscard]] const Json& block_at(const Json* object, std::string_view key);
+
+/// Both ends of an interval, nan where one is open; nothing unless it is a list of two.
+[[nodiscard]] std::optional<std::array<double, 2>> ends_at(const Json& object, std::string_view key);
 
 /// An end of "interval95", 0 or 1; nan where it is not known.
 [[nodiscard]] double interval_end(const Json& entry, std::size_t end);

@@ -203,7 +203,7 @@ Chart profile_chart(const StoredRun& run) {
         if (!profile.is_object()) continue;
         ChartView view = profile_view(*run.result, name, profile);
         const Json& ends = block_at(profile, "interval95");
-        if (!view.layers.empty() && !ends.empty())
+        if (!view.layers.empty() && ends_at(profile, "interval95"))
             append_words(chart.description,
                          fmt::format("{}: 95 % from {} to {}", name, ends[0].dump(), ends[1].dump()));
         chart.add(std::move(view));

@@ -143,7 +143,8 @@ std::vector<double> autocorrelation_of(const RecordGroup& group, std::size_t lag
                 const double apart = (rows[j]->at - rows[i]->at) / interval;
                 const double lag = std::round(apart);
                 if (!(lag <= static_cast<double>(lags))) break;
-                if (!is_known(rows[j]) || std::abs(apart - lag) > 0.1) continue;
+                // Of a stored file that was changed, time may run backwards.
+                if (lag < 0.0 || !is_known(rows[j]) || std::abs(apart - lag) > 0.1) continue;
                 sums[static_cast<std::size_t>(lag)] += e * (over_sd(*rows[j]) - mean);
                 pairs[static_cast<std::size_t>(lag)] += 1.0;
             }
