@@ -63,6 +63,11 @@ TEST_CASE("the autocorrelation of an alternating residual is that of its signs",
     REQUIRE(gap.size() == 4);
     CHECK_THAT(gap[1], WithinAbs(-1.0, 0.01));
     CHECK_THAT(gap[2], WithinAbs(1.0, 0.01));
+    // Of a table that somebody changed: a time before the others has no lag.
+    rows.back().at = -100.0;
+    const auto backwards = autocorrelation_of(group_of({&rows}), 3);
+    REQUIRE(backwards.size() == 4);
+    CHECK_THAT(backwards[1], WithinAbs(-1.0, 0.01));
 }
 
 TEST_CASE("the autocorrelation of an autoregression falls by its factor, segment by segment", "[apps][report]") {
