@@ -84,6 +84,13 @@ Eigen::MatrixXd points_of(const ValueReader& value, int period,
         value.report("holds null, must hold numbers");
         return {};
     }
+    // As of readings: sums of squares must not overflow.
+    constexpr double most = 1e100;
+    if (points.size() > 0 && points.cwiseAbs().maxCoeff() > most) {
+        value.report(
+            fmt::format("holds {:.3g}, must lie within 1e100: use another unit", points.cwiseAbs().maxCoeff()));
+        return {};
+    }
     for (Eigen::Index i = 0; i < points.rows(); ++i) {
         for (Eigen::Index k = 0; coordinates[static_cast<std::size_t>(i)].angle && k < points.cols(); ++k)
             points(i, k) = models::wrapped(points(i, k));

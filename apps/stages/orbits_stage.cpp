@@ -12,6 +12,7 @@
 #include "apps/results/invariants_file.hpp"
 #include "apps/stages/short_record.hpp"
 #include "apps/stages/workspace.hpp"
+#include "orbits/cycle_residuals/cycle_target.hpp"
 #include "orbits/cycles/streamed_search.hpp"
 #include "orbits/records/data_error.hpp"
 
@@ -40,10 +41,25 @@ void say_missing(const Workspace& work, const orbits::CycleSearch& search) {
     }
 }
 
+/// @throws orbits::DataError naming the first cycle that lacks what its weight in the estimate needs.
+void check_weights(const std::vector<orbits::Cycle>& cycles, const Job& job) {
+    if (!job.estimate || !job.estimate->cycles) return;
+    orbits::CycleTargetOptions targets;
+    targets.weights = job.estimate->cycles->covariance ? orbits::CycleWeights::covariance : orbits::CycleWeights::equal;
+    targets.positions = job.estimate->cycles->positions;
+    targets.multipliers = job.estimate->cycles->multipliers;
+    orbits::check_weights(cycles, targets);
+}
+
 /// Periods asked for of which a list from a file has none.
 orbits::CycleSearch from_file(const Workspace& work) {
     const OrbitsJob& orbits = *work.job.orbits;
     orbits::CycleSearch search = named_cycles(work.job).search;
+    try {
+        check_weights(search.cycles, work.job);
+    } catch (const orbits::DataError& error) {
+        throw orbits::DataError(fmt::format("{}: {}", orbits.file->string(), error.what()));
+    }
     search.missing.clear();
     if (work.job.estimate && work.job.estimate->cycles) {
         for (const int period : work.job.estimate->cycles->periods) {
@@ -123,6 +139,7 @@ orbits::CycleSearch load_cycles(const Workspace& work, const std::optional<Searc
         orbits::CycleSearch search;
         try {
             CycleFile read = read_cycles(file, work.job.model.name, section->coordinates);
+            check_weights(read.search.cycles, work.job);
             stored = read.head.fingerprint.sha256.empty() ? std::string() : to_text(read.head.fingerprint);
             search = std::move(read.search);
         } catch (const orbits::DataError&) {

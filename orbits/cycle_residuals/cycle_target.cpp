@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "models/arithmetic/cholesky_factor.hpp"
+#include "orbits/records/data_error.hpp"
 #include "orbits/records/refusal.hpp"
 #include "orbits/simulation/point_reading.hpp"
 #include "periodic/solution/multiple_shooting.hpp"
@@ -52,17 +53,6 @@ void check_forms(Index n, const CycleTargetOptions& options) {
         throw std::invalid_argument(R"(cycle residual: a full covariance of coordinates needs weights "equal")");
 }
 
-void check_multipliers(const Cycle& cycle, const std::string& who, bool covariance) {
-    const Index count = cycle.ln_multiplier.size();
-    if (count == 0) return;
-    refuse_if(cycle.multipliers.size() != static_cast<std::size_t>(count) && !cycle.multipliers.empty(),
-              "{}has {} multipliers and {} values of ln|multiplier|", who, cycle.multipliers.size(), count);
-    if (!covariance) return;
-    if (cycle.ln_multiplier_covariance.rows() != count || cycle.ln_multiplier_covariance.cols() != count)
-        throw std::invalid_argument(who + "covariance of ln|multiplier| must be " + std::to_string(count) + " x " +
-                                    std::to_string(count) + R"( (weights "equal" need none))");
-}
-
 void check(const SectionMap& map, const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
     const Index n = map.dimension();
     refuse_if(!options.positions && !options.multipliers && !options.times,
@@ -79,15 +69,11 @@ void check(const SectionMap& map, const std::vector<Cycle>& cycles, const CycleT
                   "{}points have shape ({}, {}), needed is ({}, period) with period {} >= 1", who, cycle.points.rows(),
                   cycle.points.cols(), n, cycle.period);
         refuse_if(!cycle.points.allFinite(), "{}points must be finite", who);
-        if (options.multipliers) check_multipliers(cycle, who, options.weights == CycleWeights::covariance);
-        if (options.weights != CycleWeights::covariance || !options.positions) continue;
-        const Index records = cycle.points.size();
-        if (cycle.covariance.rows() != records || cycle.covariance.cols() != records)
-            throw std::invalid_argument(who + "covariance must be " + std::to_string(records) + " x " +
-                                        std::to_string(records) + R"( (weights "equal" need none))");
-        refuse_if(!cycle.covariance.allFinite() || !models::CholeskyFactor(cycle.covariance).positive_definite(),
-                  "{}covariance must be finite, symmetric and positive definite", who);
+        const auto count = static_cast<std::size_t>(cycle.ln_multiplier.size());
+        refuse_if(options.multipliers && count > 0 && cycle.multipliers.size() != count && !cycle.multipliers.empty(),
+                  "{}has {} multipliers and {} values of ln|multiplier|", who, cycle.multipliers.size(), count);
     }
+    check_weights(cycles, options);
 }
 
 bool rests(const SectionMap& map, const VectorXd& theta, std::span<const Index> free, const MatrixXd& nodes,
@@ -205,6 +191,27 @@ void take_common(const Cycle& cycle, const CycleTargetOptions& options, CycleTar
 }
 
 }  // namespace
+
+void check_weights(const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {
+    if (options.weights != CycleWeights::covariance) return;
+    const auto needs = [](bool fulfilled, std::size_t cycle, const std::string& rule) {
+        if (!fulfilled) throw DataError(fmt::format("cycle {}: {} (weights \"equal\" need none)", cycle, rule));
+    };
+    const auto square = [](const MatrixXd& matrix, Index size) {
+        return matrix.rows() == size && matrix.cols() == size;
+    };
+    for (std::size_t c = 0; c < cycles.size(); ++c) {
+        const Cycle& cycle = cycles[c];
+        const Index logarithms = cycle.ln_multiplier.size(), records = cycle.points.size();
+        if (options.multipliers && logarithms > 0)
+            needs(square(cycle.ln_multiplier_covariance, logarithms), c,
+                  fmt::format("covariance of ln|multiplier| must be {0} x {0}", logarithms));
+        if (!options.positions) continue;
+        needs(square(cycle.covariance, records), c, fmt::format("covariance must be {0} x {0}", records));
+        needs(cycle.covariance.allFinite() && models::CholeskyFactor(cycle.covariance).positive_definite(), c,
+              "covariance must be finite, symmetric and positive definite");
+    }
+}
 
 CycleTargets select_targets(const SectionMap& map, const VectorXd& theta, std::span<const Index> free,
                             const std::vector<Cycle>& cycles, const CycleTargetOptions& options) {

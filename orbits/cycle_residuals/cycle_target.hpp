@@ -46,6 +46,9 @@ struct CycleTargetOptions {
     std::vector<estimator::JointCovariance> covariances;
 };
 
+/// @throws DataError naming the first cycle that lacks a covariance which the weights need.
+void check_weights(const std::vector<Cycle>& cycles, const CycleTargetOptions& options);
+
 /// A measured cycle as the target of a residual.
 struct CycleTarget {
     std::size_t cycle = 0;  ///< index into the list that was given

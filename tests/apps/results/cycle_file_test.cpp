@@ -176,6 +176,7 @@ TEST_CASE("what is wrong with a list of cycles is told by place and rule", "[app
         {"{\"cycles\": [\n{\"period\": 2, \"points\": [[1, 2]]}]}", "/cycles/0/points", 2, "as many as the period, 2"},
         {"{\"cycles\": [{\"period\": 1,\n\"points\": [[1, 2, 3]]}]}", "/cycles/0/points/0", 2, "must have 2"},
         {"{\"cycles\": [{\"period\": 1,\n\"points\": [[1, null]]}]}", "/cycles/0/points", 2, "must hold numbers"},
+        {"{\"cycles\": [{\"period\": 1,\n\"points\": [[1, 1e300]]}]}", "/cycles/0/points", 2, "must lie within 1e100"},
         {"{\"cycles\": [{\"period\": 1,\n\"points\": [[1, \"2\"]]}]}", "/cycles/0/points/0/1", 2, "must be a number"},
         {"{\"cycles\": [{\"period\": 1.5, \"points\": []}]}", "/cycles/0/period", 1, "whole number"},
         {"{\"cycles\": [" + good + ", \"covariance\": [[1, 0], [0, -1]]}]}", "/cycles/0/covariance", 1, "variance"},
