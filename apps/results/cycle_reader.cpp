@@ -98,7 +98,8 @@ Eigen::MatrixXd points_of(const ValueReader& value, int period,
     return points;
 }
 
-/// Symmetric to the last digits a program may print, with variances that are variances.
+/// Symmetric to the last digits a program may print, and then made so; with variances that are variances. What is off
+/// by rounding stays as it is: a run that takes up its own cycles gives the same bytes.
 Eigen::MatrixXd covariance_of(const ValueReader& value, Eigen::Index size) {
     Eigen::MatrixXd out = matrix(value, size, size);
     constexpr double digits = 1e-6;
@@ -115,6 +116,9 @@ Eigen::MatrixXd covariance_of(const ValueReader& value, Eigen::Index size) {
             }
         }
     }
+    constexpr double rounding = 1e-12;
+    if (out.size() > 0 && (out - out.transpose()).cwiseAbs().maxCoeff() > rounding * out.diagonal().maxCoeff())
+        out = 0.5 * (out + out.transpose()).eval();
     return out;
 }
 

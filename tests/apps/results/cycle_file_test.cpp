@@ -148,6 +148,15 @@ TEST_CASE("period and points are enough", "[apps]") {
     CHECK(reading.file->head.fingerprint.sha256.empty());
 }
 
+TEST_CASE("a covariance that was printed with few digits is symmetric", "[apps]") {
+    const auto reading =
+        parsed(R"({"cycles": [{"period": 1, "points": [[1, 2]], "covariance": [[2, 1.0000001], [1.0000002, 3]]}]})");
+    REQUIRE(reading.file);
+    const Eigen::MatrixXd& covariance = reading.file->search.cycles[0].covariance;
+    CHECK(covariance(0, 1) == covariance(1, 0));
+    CHECK(covariance(0, 0) == 2.0);
+}
+
 TEST_CASE("of computed orbits only those that converged are cycles", "[apps]") {
     const auto reading = parsed(R"({ "cycles": [
         { "period": 1, "points": [[0.1, 3.0]], "status": "no_progress", "message": "", "mirror": 2 },
