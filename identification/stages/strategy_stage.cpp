@@ -155,9 +155,10 @@ void try_starts(StageInput& input, StageValue& memory, bool known, ProblemResidu
     if (!known) input.observer.begin("estimate", 0.0, {});
 }
 
-/// Keeps what a stage has come to, unless an interruption leaves it half done.
+/// Keeps what a stage has come to, unless it is left half done.
 void keep(const StageInput& input, const std::string& name, StageValue& memory) {
-    if (input.kept && !name.empty() && !input.observer.stopped()) input.observer.keep(name, memory);
+    if (input.kept && !name.empty() && !input.observer.stopped() && input.left.empty())
+        input.observer.keep(name, memory);
 }
 
 /// @param known  the stage has run before and left `memory`, which is filled otherwise.
@@ -268,7 +269,8 @@ StageRun fit_stage(StageInput& input, const Stage& stage, const Parameters& para
 namespace {
 
 /// How a stage has ended, in a few words.
-std::string outcome_of(const StageRun& run) {
+std::string outcome_of(const StageInput& input, const StageRun& run) {
+    if (!input.left.empty()) return fmt::format("left after {} iterations", run.estimate.iterations);
     if (run.skipped()) return run.result.message;
     return fmt::format("{} after {} iterations", estimator::name(run.estimate.status), run.estimate.iterations);
 }
@@ -282,7 +284,7 @@ StageRun remembered_stage(StageInput& input, const Stage& stage, const Parameter
     StageRun run = memory.skipped.empty() ? estimate_stage(input, stage, parameters, memory, true, {})
                                           : skipped(stage, parameters, memory.skipped);
     if (!run.skipped()) describe(input, run);
-    input.observer.recalled(stage.name(), outcome_of(run));
+    input.observer.recalled(stage.name(), outcome_of(input, run));
     return run;
 }
 
@@ -325,7 +327,7 @@ StageRun run_stage(StageInput& input, const Stage& stage, const Parameters& para
     StageValue memory;
     if (input.kept && input.observer.recall(name, memory)) return remembered_stage(input, stage, parameters, memory);
     StageRun run = computed_stage(input, stage, parameters, before, memory, name);
-    input.observer.end(outcome_of(run));
+    input.observer.end(outcome_of(input, run));
     return run;
 }
 

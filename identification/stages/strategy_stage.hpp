@@ -44,6 +44,8 @@ struct StageInput {
     /// Makes measured cycles known, `search` too, before the first stage that uses them; empty: they are.
     std::function<void()> find_cycles = {};
     SignChoices signs = {};  ///< that nothing tells, see StructuralReport
+    /// Why a minimisation was left for another way, as a sentence without its end; what it came to is then not kept.
+    std::string left = {};
 };
 
 /// A finished stage, with the input of its estimate.

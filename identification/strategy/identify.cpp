@@ -124,21 +124,20 @@ public:
     /// Ends a minimisation over whole segments that comes to where no course in one piece can follow them. It could
     /// wander there for minutes.
     void leave_where_errors_grow() { leaves_growth_ = true; }
-    /// Where it was ended so, as a sentence without its end; empty: it was not.
-    [[nodiscard]] const std::string& growth_met() const { return growth_met_; }
+    /// Where it was ended so, see StageInput::left; empty: it was not.
+    [[nodiscard]] const std::string& left() const { return input_->left; }
 
 private:
-    /// What is kept of the estimate must be its end.
+    /// After ten steps, then after as many again: each look takes an evaluation with derivatives.
     void watch_growth(estimator::EstimateOptions& estimate) {
-        estimate.watched = [this, told = estimate.watched,
-                            next = first_look_](const estimator::StepReport& report) mutable {
+        estimate.watched = [this, told = estimate.watched, next = 10](const estimator::StepReport& report) mutable {
             told(report);
-            if (report.iteration < next || !growth_met_.empty()) return;
+            const bool over = report.phase != estimator::StepReport::Phase::minimisation || !input_->left.empty();
+            if (over || report.iteration < next) return;
             next = 2 * report.iteration;
-            growth_met_ = unbearable_growth(problem_, prepared_, report.theta);
-            if (!growth_met_.empty()) input_->kept = false;
+            input_->left = unbearable_growth(problem_, prepared_, report.theta);
         };
-        estimate.interrupted = [this, asked = estimate.interrupted] { return asked() || !growth_met_.empty(); };
+        estimate.interrupted = [this, asked = estimate.interrupted] { return asked() || !input_->left.empty(); };
     }
 
     void prepare() {
@@ -191,36 +190,18 @@ private:
     StrategyRun strategy_;
     IdentificationResult result_;
     bool leaves_growth_ = false;
-    std::string growth_met_;
-    /// Steps before growth is looked at, then after as many again: a fit that succeeds is over by then.
-    static constexpr int first_look_ = 10;
 };
 
-/// A series over whole segments that is not explained, once more with nodes. @return nothing if that is no better
-std::optional<IdentificationResult> with_nodes(Identification& whole, const Options& given, Observer& observer) {
-    if (observer.stopped() || !may_need_nodes(whole.problem(), whole.options().strategy)) return {};
-    const auto& first = whole.strategy().best;
-    const std::string need = !whole.growth_met().empty() ? whole.growth_met()
-                             : first                     ? whole_segments_doubt(*first)
-                                                         : "it could not run";
-    if (need.empty()) return {};
-    observer.remark(fmt::format(
-        "the series over whole segments is not explained ({}): once more with nodes, as with \"interval\": \"auto\"",
-        need));
-    IdentificationProblem problem = whole.problem();
-    problem.series->interval = SeriesChoice::automatic_interval;
-    Identification divided(std::move(problem), given, observer);
-    divided.run();
-    const auto& best = divided.strategy().best;
-    const bool better = best && best->succeeded() &&
-                        (!first || !first->succeeded() || series_doubt(*divided.problem().system, *best).empty());
-    if (better) return divided.finish();
-    if (observer.stopped()) {
-        whole.leave_unfinished();
-        return {};
-    }
-    observer.remark("nodes explain it no better: the result is that of whole segments");
-    return {};
+bool succeeded(const Identification& identification) {
+    return identification.strategy().best && identification.strategy().best->succeeded();
+}
+
+/// Why a series over whole segments needs nodes; empty: it does not.
+std::string need_of_nodes(const Identification& whole) {
+    if (!may_need_nodes(whole.problem(), whole.options().strategy)) return {};
+    if (!whole.left().empty()) return whole.left();
+    const auto& best = whole.strategy().best;
+    return best ? whole_segments_doubt(*best) : "it could not run";
 }
 
 }  // namespace
@@ -229,15 +210,33 @@ IdentificationResult identify(const IdentificationProblem& asked, const Options&
     validate(given);
     IdentificationProblem problem = completed(asked);
     if (const std::string found = divide_where_errors_grow(problem); !found.empty()) observer.remark(found);
-    Identification first(problem, given, observer);
+    std::optional<Identification> whole(std::in_place, problem, given, observer);
     // One of several starts may go astray.
-    if (given.starts <= 1 && may_need_nodes(first.problem(), first.options().strategy)) first.leave_where_errors_grow();
-    first.run();
-    if (auto divided = with_nodes(first, given, observer)) return std::move(*divided);
-    if (first.growth_met().empty() || observer.stopped()) return first.finish();
-    Identification whole(std::move(problem), given, observer);
-    whole.run();
-    return whole.finish();
+    if (given.starts <= 1 && may_need_nodes(problem, whole->options().strategy)) whole->leave_where_errors_grow();
+    whole->run();
+    const std::string need = observer.stopped() ? std::string() : need_of_nodes(*whole);
+    if (need.empty()) return whole->finish();
+    observer.remark(fmt::format(
+        "the series over whole segments is not explained ({}): once more with nodes, as with \"interval\": \"auto\"",
+        need));
+    IdentificationProblem finer = whole->problem();
+    finer.series->interval = SeriesChoice::automatic_interval;
+    Identification divided(std::move(finer), given, observer);
+    divided.run();
+    const bool explained =
+        succeeded(divided) && series_doubt(*divided.problem().system, *divided.strategy().best).empty();
+    if (explained) return divided.finish();
+    if (!whole->left().empty() && !observer.stopped()) {
+        observer.remark("nodes do not explain it either: whole segments once more, to the end");
+        whole.emplace(std::move(problem), given, observer);
+        whole->run();
+    }
+    if (succeeded(divided) && !succeeded(*whole)) return divided.finish();
+    if (observer.stopped())
+        whole->leave_unfinished();
+    else
+        observer.remark("nodes explain it no better: the result is that of whole segments");
+    return whole->finish();
 }
 
 IdentificationResult identify(const IdentificationProblem& problem, const Options& options) {

@@ -24,36 +24,41 @@ void keep(Checkpoint& checkpoint, const std::string& name, std::string value) {
     checkpoint.keep(name, value);
 }
 
+/// The folder of a run.
+struct Run {
+    TemporaryFolder place;
+    apps::OutputFolder folder{place.path() / "out", json::object(), "{}", false};
+
+    [[nodiscard]] Checkpoint checkpoint(const char* sha256 = "ab") {
+        Fingerprint fingerprint;
+        fingerprint.sha256 = sha256;
+        return {folder, fingerprint};
+    }
+};
+
 }  // namespace
 
 TEST_CASE("values of a checkpoint are recalled by name, the last one of each", "[apps][checkpoint]") {
-    const TemporaryFolder place;
-    apps::OutputFolder folder(place.path() / "out", json::object(), "{}", false);
-    Fingerprint fingerprint;
-    fingerprint.sha256 = "ab";
+    Run run;
     {
-        Checkpoint checkpoint(folder, fingerprint);
+        Checkpoint checkpoint = run.checkpoint();
         CHECK(recalled(checkpoint, "one") == "none");
         keep(checkpoint, "one", "first");
         keep(checkpoint, "two", std::string(100000, 'x'));
         keep(checkpoint, "one", "a longer value than the first");
     }
-    const Checkpoint checkpoint(folder, fingerprint);
+    const Checkpoint checkpoint = run.checkpoint();
     CHECK(recalled(checkpoint, "one") == "a longer value than the first");
     CHECK(recalled(checkpoint, "two") == std::string(100000, 'x'));
     CHECK(recalled(checkpoint, "three") == "none");
-    fingerprint.sha256 = "cd";
-    CHECK(recalled(Checkpoint(folder, fingerprint), "one") == "none");
+    CHECK(recalled(run.checkpoint("cd"), "one") == "none");
 }
 
 TEST_CASE("a checkpoint with a right hash but damaged values is begun anew", "[apps][checkpoint]") {
-    const TemporaryFolder place;
-    apps::OutputFolder folder(place.path() / "out", json::object(), "{}", false);
-    Fingerprint fingerprint;
-    fingerprint.sha256 = "ab";
-    Checkpoint checkpoint(folder, fingerprint);
+    Run run;
+    Checkpoint checkpoint = run.checkpoint();
     keep(checkpoint, "one", "first");
-    const std::filesystem::path file = folder.file("checkpoint.bin");
+    const std::filesystem::path file = run.folder.file("checkpoint.bin");
     const std::string whole = apps::read_whole_file(file);
     const std::string cut = whole.substr(64, whole.size() - 64 - 3);
     write_text(file, apps::sha256(cut) + cut);

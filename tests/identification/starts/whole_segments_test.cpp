@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "estimator/interface/random_stream.hpp"
 #include "identification/problem/problem_residuals.hpp"
 #include "identification/strategy/identify.hpp"
 #include "models/equations/equation_text.hpp"
@@ -66,6 +67,20 @@ double growth_of(const IdentificationProblem& problem) {
     return identification::error_growth(*residuals.series.at(0), setup.start());
 }
 
+/// Keeps what is remarked, and may stop when nodes are to be tried.
+struct Listener : identification::Observer {
+    bool stops = false;
+    std::string said;
+    [[nodiscard]] bool stopped() const override { return stops && said.find("once more with nodes") != said.npos; }
+    void remark(const std::string& line) override { said += line + "\n"; }
+};
+
+identification::Options one_series() {
+    identification::Options options;
+    options.strategy = {{identification::Stage::Kind::residuals, {identification::ResidualType::series}}};
+    return options;
+}
+
 }  // namespace
 
 TEST_CASE("growth of errors along a segment is that of the linear equations", "[identification][series]") {
@@ -107,13 +122,6 @@ TEST_CASE("a series whose errors grow a thousandfold gets nodes where it asks fo
 
 TEST_CASE("a model that leaves the record unexplained is tried with nodes, unless stopped",
           "[identification][series]") {
-    /// Keeps what is remarked, and may stop when nodes are to be tried.
-    struct Listener : identification::Observer {
-        bool stops = false;
-        std::string said;
-        [[nodiscard]] bool stopped() const override { return stops && said.find("once more with nodes") != said.npos; }
-        void remark(const std::string& line) override { said += line + "\n"; }
-    };
     // Decay cannot follow a swing; neither can it with nodes.
     const auto decay = system_of("-a * x", 1.0);
     orbits::Series swing = record_of(*decay, {1.0});
@@ -123,13 +131,39 @@ TEST_CASE("a model that leaves the record unexplained is tried with nodes, unles
     Listener listener;
     listener.stops = GENERATE(false, true);
     CAPTURE(listener.stops);
-    identification::Options options;
-    options.strategy = {{identification::Stage::Kind::residuals, {identification::ResidualType::series}}};
-    const auto result = identification::identify(problem, options, listener);
+    const auto result = identification::identify(problem, one_series(), listener);
     CAPTURE(result.estimate.message, listener.said);
     CHECK_THAT(listener.said, ContainsSubstring("% of the spread of the readings is left"));
     CHECK((listener.said.find("nodes explain it no better") == listener.said.npos) == listener.stops);
     CHECK((result.estimate.status == estimator::EstimateStatus::interrupted) == listener.stops);
+}
+
+TEST_CASE("a fit over whole segments is left where errors grow on its way, and ended where nodes fail too",
+          "[identification][series]") {
+    models::EquationText text;
+    text.coordinates = {{"x", "10 * (y - x)"}, {"y", "r * x - y - x * z"}, {"z", "x * y - 8 / 3 * z"}};
+    text.parameters.push_back({"r", "1", models::any_real, 21.0});  // no chaos
+    std::vector<models::EquationProblem> problems;
+    const auto lorenz = models::system_from_text(text, problems);
+    REQUIRE(problems.empty());
+    // Of the size of Lorenz' attractor, but no course of it.
+    constexpr std::size_t readings = 60;
+    orbits::Series noise = record_of(*lorenz, {1.0, 1.0, 20.0}, readings);
+    for (std::size_t k = 0; k < readings; ++k)
+        noise.segments[0].times[k] = 0.25 * static_cast<double>(k);
+    estimator::RandomStream random(5, estimator::RandomPurpose::reading_noise, 0);
+    for (auto column : noise.segments[0].values.colwise())
+        column << 8.0 * random.normal(), 9.0 * random.normal(), 24.0 + 8.0 * random.normal();
+    IdentificationProblem problem = problem_of(lorenz, std::move(noise), {"r"});
+    problem.parameters[0].value.prior = estimator::NormalPrior{28.0, 0.01};  // where the motion is chaotic
+    Listener listener;
+    const auto result = identification::identify(problem, one_series(), listener);
+    CAPTURE(result.estimate.message, listener.said);
+    CHECK_THAT(listener.said, ContainsSubstring("not explained (data: errors of the first state grow"));
+    CHECK_THAT(listener.said, ContainsSubstring("once more, to the end"));
+    // Nobody has stopped it.
+    CHECK(result.estimate.status != estimator::EstimateStatus::interrupted);
+    CHECK_THAT(result.estimate.parameters.at(0).value, WithinAbs(28.0, 0.1));
 }
 
 }  // namespace whole_segments_test
