@@ -172,10 +172,12 @@ void add_parameters(const Json& result, ReportRemarks& remarks) {
 }
 
 void add_errors(const Json& result, ReportRemarks& remarks) {
+    const std::string verdict = text_at(block_at(result, "verdict"), "line");
     for (const auto& [group, entry] : block_at(result, "errors").items()) {
         const double count = number_at(entry, "count");
         const double worth = number_at(entry, "effective_count");
-        if (std::isfinite(number_at(entry, "lag1")) && worth < 0.5 * count)
+        const bool told = verdict.find(fmt::format("residuals of {} follow each other", group)) != std::string::npos;
+        if (!told && std::isfinite(number_at(entry, "lag1")) && worth < 0.5 * count)
             remarks.caution(
                 fmt::format("Residuals of {} follow each other: {:.0f} records are worth about {:.0f}. The model "
                             "misses something.",

@@ -2,12 +2,14 @@
 #include <limits>
 #include <random>
 
+#include "apps/documents/atomic_file.hpp"
 #include "apps/drawing/markup_text.hpp"
 #include "apps/report/base64_text.hpp"
 #include "apps/report/html_text.hpp"
 #include "apps/report/report_chart.hpp"
 #include "apps/report/report_points.hpp"
 #include "tests/apps/program/program.hpp"
+#include "tests/apps/stored_run/stored_folder.hpp"
 #include "tests/catch.hpp"
 
 namespace report_test {
@@ -253,6 +255,23 @@ TEST_CASE("a run writes its report, the same bytes again from the folder", "[app
     const std::string unknown = read_whole_file(out / "report.html");
     CHECK_FALSE(contains(unknown, "seen from the reference values"));
     CHECK(contains(unknown, "95 % intervals, in percent of the estimates"));
+}
+
+TEST_CASE("residuals that follow each other are told once, by the verdict where it says so", "[apps][report]") {
+    const TemporaryFolder folder;
+    write_stored_run(folder.path());
+    json result = read_json(folder.path() / "result.json");
+    result["errors"]["series.x"].update({{"count", 100}, {"effective_count", 20.0}, {"lag1", 0.9}});
+    const std::string reason = "follow each other: 100 are worth 20";
+    const bool judged = GENERATE(false, true);
+    CAPTURE(judged);
+    if (judged)
+        result["verdict"] = {{"trust", "values"}, {"line", "trust the values: residuals of series.x " + reason}};
+    write_text(folder.path() / "result.json", result.dump());
+    REQUIRE(orbid_with({"report", folder.path()}).code == 0);
+    const std::string html = read_whole_file(folder.path() / "report.html");
+    CHECK(contains(html, reason) == judged);
+    CHECK(contains(html, "Residuals of series.x follow each other: 100 records are worth about 20") == !judged);
 }
 
 TEST_CASE("a report is refused where there is no run, and says which file is broken", "[apps][report]") {
