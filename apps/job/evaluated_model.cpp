@@ -32,6 +32,42 @@ double rows(const DataJob& data) {
     return data.file->bytes() / 30.0;
 }
 
+/// An evaluation with derivatives, in those of a model of two coordinates, four parameters and some 25 operations: the
+/// instructions of a formula and the directions in which it is derived both multiply it.
+double evaluation_size(const models::Equations& equations) {
+    const double operations = static_cast<double>(equations.graph().size());
+    const double directions = static_cast<double>(equations.coordinates().size() + equations.parameters().size());
+    return operations / 25.0 * (directions / 6.0);
+}
+
+/// Seconds that the job's flows would take interpreted, to an order of magnitude, from the job only: the decision to
+/// compile must not depend on the machine, its load or its cache.
+double interpreted_seconds(const Job& job) {
+    // Orders of magnitude on a machine of 2020: a period of a forced model of two coordinates in an ensemble takes 5
+    // microseconds, a sample or a link of a series with derivatives thirty.
+    constexpr double period_s = 5e-6;
+    const double derivatives_s = 3e-5 * evaluation_size(*job.model.equations);
+    double seconds = 0.0, fitted = 0.0;
+    for (const DataJob& data : job.data) {
+        fitted += rows(data);
+        if (!data.simulation) continue;
+        seconds += period_s * (rows(data) + static_cast<double>(data.simulation->trajectories) *
+                                                static_cast<double>(data.simulation->transient));
+    }
+    // Searches and branches compute some ten thousand flows with derivatives, of several periods each.
+    if (job.periodic && (job.periodic->search || job.periodic->continuation)) seconds += 30000.0 * derivatives_s;
+    if (job.estimate) {
+        // Iterations of an estimate, each once through the data; of all starts and samples.
+        constexpr double iterations = 50.0;
+        double repeated = iterations;
+        if (job.estimate->series || job.estimate->waveform) seconds += repeated * fitted * derivatives_s;
+        if (job.estimate->cycles) seconds += repeated * 2000.0 * derivatives_s;
+        // A branch is followed at the start and wherever orbits are sought again.
+        if (job.estimate->branch) seconds += repeated * 25000.0 * derivatives_s;
+    }
+    return seconds;
+}
+
 bool wants_compiled(const Job& job) {
     if (job.model.compile != CompileChoice::automatic) return job.model.compile == CompileChoice::always;
     return interpreted_seconds(job) > worth_compiling_s;
@@ -52,31 +88,6 @@ std::shared_ptr<const models::System> system_of(const std::shared_ptr<const mode
     }
     why = fmt::format("{} need compiled code: {}", beyond, model.why);
     return nullptr;
-}
-
-double interpreted_seconds(const Job& job) {
-    // Orders of magnitude on a machine of 2020: a period of a forced model of two coordinates in an ensemble takes 5
-    // microseconds, a sample or a link of a series with derivatives thirty.
-    constexpr double period_s = 5e-6, derivatives_s = 3e-5;
-    double seconds = 0.0, fitted = 0.0;
-    for (const DataJob& data : job.data) {
-        fitted += rows(data);
-        if (!data.simulation) continue;
-        seconds += period_s * (rows(data) + static_cast<double>(data.simulation->trajectories) *
-                                                static_cast<double>(data.simulation->transient));
-    }
-    // Searches and branches compute some ten thousand flows with derivatives, of several periods each.
-    if (job.periodic && (job.periodic->search || job.periodic->continuation)) seconds += 30000.0 * derivatives_s;
-    if (job.estimate) {
-        // Iterations of an estimate, each once through the data; of all starts and samples.
-        constexpr double iterations = 50.0;
-        double repeated = iterations;
-        if (job.estimate->series || job.estimate->waveform) seconds += repeated * fitted * derivatives_s;
-        if (job.estimate->cycles) seconds += repeated * 2000.0 * derivatives_s;
-        // A branch is followed at the start and wherever orbits are sought again.
-        if (job.estimate->branch) seconds += repeated * 25000.0 * derivatives_s;
-    }
-    return seconds;
 }
 
 std::string settle_evaluation(Job& job) {

@@ -15,12 +15,9 @@ namespace orbid::apps {
 [[nodiscard]] std::shared_ptr<const models::System> system_of(const std::shared_ptr<const models::Equations>& equations,
                                                               bool& compiled, std::string& why);
 
-/// Seconds that the job's flows would take interpreted, to an order of magnitude, from the job only: the decision to
-/// compile must not depend on the machine, its load or its cache.
-[[nodiscard]] double interpreted_seconds(const Job& job);
-
 /// Compiles the equations of a job or leaves them interpreted, as "compile" says. "auto" compiles if
-/// interpreted_seconds() exceeds the time of a compilation. Equations that cannot be compiled are interpreted.
+/// the flows would take longer interpreted than a compilation, judged from the job alone. Equations that cannot be
+/// compiled are interpreted.
 ///
 /// @return what was done and why, for the log; empty for a model of the registry.
 [[nodiscard]] std::string settle_evaluation(Job& job);

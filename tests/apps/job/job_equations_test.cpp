@@ -132,6 +132,16 @@ TEST_CASE("a job with equations estimates what the registered model does", "[app
     CHECK_THAT(check.out, ContainsSubstring("equations  interpreted, as the job says"));
 }
 
+TEST_CASE("equations are compiled where records of one length cost more", "[apps][check][equations]") {
+    // 2000 readings of three coordinates each: 14 operations and 3 parameters; 106 operations and 29 parameters.
+    const std::string systems = orbid::tests::source_folder() + "/configs/campaigns/chaotic_systems/";
+    const std::string cheap = "equations  interpreted: the job is short";
+    const auto rossler = tests::orbid_with({"check", systems + "Rossler.json"});
+    CHECK_THAT(rossler.out, ContainsSubstring(cheap));
+    const auto cell = tests::orbid_with({"check", systems + "ExcitableCell.json"});
+    CHECK_THAT(cell.out, ContainsSubstring("  equations  ") && !ContainsSubstring(cheap));
+}
+
 TEST_CASE("the example with equations in the job finds its parameters", "[apps][run][equations]") {
     const tests::TemporaryFolder folder;
     const auto run = tests::orbid_with(
