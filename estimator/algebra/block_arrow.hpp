@@ -120,6 +120,10 @@ struct ModelChange {
 [[nodiscard]] ModelChange model_change(const BlockArrow& arrow, const Eigen::VectorXd& d,
                                        const std::vector<Eigen::VectorXd>& d_z);
 
+/// Change of 1/2 ||A d + w||^2 of each block with its links.
+[[nodiscard]] std::vector<double> model_changes(const BlockArrow& arrow, const Eigen::VectorXd& d,
+                                                const std::vector<Eigen::VectorXd>& d_z);
+
 /// Sum of ln|R_jj| over all latent states, links included: ln|H_zz| is twice that. Dead states contribute nothing.
 [[nodiscard]] double log_abs_determinant(const ReducedProblem& reduced_problem);
 

@@ -91,33 +91,52 @@ std::vector<Eigen::VectorXd> latent_steps(const BlockArrow& arrow, const Reduced
     return steps;
 }
 
+namespace {
+
+/// Adds the change of one block. @param moved  room for its rows
+void add_change(const BlockTriangle& block, const Eigen::VectorXd& d, const std::vector<Eigen::VectorXd>& d_z,
+                std::size_t b, Eigen::VectorXd& moved, ModelChange& change) {
+    const auto add = [&](const Eigen::MatrixXd& rows, const Eigen::VectorXd& own, const Eigen::VectorXd* next) {
+        moved.setZero(rows.rows());
+        Eigen::Index column = 0;
+        const auto along = [&](const Eigen::VectorXd& x) {
+            for (Eigen::Index j = 0; j < x.size(); ++j, ++column)
+                for (Eigen::Index k = 0; k < rows.rows(); ++k)
+                    moved[k] += rows(k, column) * x[j];
+        };
+        along(own);
+        if (next != nullptr) along(*next);
+        along(d);
+        for (Eigen::Index k = 0; k < rows.rows(); ++k) {
+            change.linear += moved[k] * rows(k, column);
+            change.quadratic += moved[k] * moved[k];
+        }
+    };
+    add(block.triangle, d_z[b], nullptr);
+    if (block.link.rows() == 0) return;
+    add(block.link, d_z[b], block.next >= 0 ? &d_z[static_cast<std::size_t>(block.next)] : nullptr);
+}
+
+}  // namespace
+
+std::vector<double> model_changes(const BlockArrow& arrow, const Eigen::VectorXd& d,
+                                  const std::vector<Eigen::VectorXd>& d_z) {
+    std::vector<double> changes(arrow.blocks.size());
+    for_blocks(changes.size(), [&](std::size_t b) {
+        ModelChange change;
+        Eigen::VectorXd moved;
+        add_change(arrow.blocks[b], d, d_z, b, moved, change);
+        changes[b] = change.linear + 0.5 * change.quadratic;
+    });
+    return changes;
+}
+
 ModelChange model_change(const BlockArrow& arrow, const Eigen::VectorXd& d, const std::vector<Eigen::VectorXd>& d_z) {
     std::vector<ModelChange> part(pieces_of(arrow.blocks.size()));
     for_pieces(arrow.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
-        ModelChange& change = part[piece];
         Eigen::VectorXd moved;
-        const auto add = [&](const Eigen::MatrixXd& rows, const Eigen::VectorXd& own, const Eigen::VectorXd* next) {
-            moved.setZero(rows.rows());
-            Eigen::Index column = 0;
-            const auto along = [&](const Eigen::VectorXd& x) {
-                for (Eigen::Index j = 0; j < x.size(); ++j, ++column)
-                    for (Eigen::Index k = 0; k < rows.rows(); ++k)
-                        moved[k] += rows(k, column) * x[j];
-            };
-            along(own);
-            if (next != nullptr) along(*next);
-            along(d);
-            for (Eigen::Index k = 0; k < rows.rows(); ++k) {
-                change.linear += moved[k] * rows(k, column);
-                change.quadratic += moved[k] * moved[k];
-            }
-        };
-        for (std::size_t b = begin; b < end; ++b) {
-            const BlockTriangle& block = arrow.blocks[b];
-            add(block.triangle, d_z[b], nullptr);
-            if (block.link.rows() == 0) continue;
-            add(block.link, d_z[b], block.next >= 0 ? &d_z[static_cast<std::size_t>(block.next)] : nullptr);
-        }
+        for (std::size_t b = begin; b < end; ++b)
+            add_change(arrow.blocks[b], d, d_z, b, moved, part[piece]);
     });
     ModelChange sum;
     for (const ModelChange& change : part) {

@@ -112,8 +112,12 @@ bool Minimisation::update_errors() {
         search_errors(decision.follow);
         refusal = errors_.refusal(minimum_, state_.psi);
     }
-    if (!refusal.empty()) conclude(Outcome::no_freedom, refusal);
-    return refusal.empty();
+    if (!refusal.empty()) {
+        conclude(Outcome::no_freedom, refusal);
+        return false;
+    }
+    factorise_steps();
+    return true;
 }
 
 /// The error parameters at their minimum.

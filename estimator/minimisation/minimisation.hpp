@@ -10,6 +10,7 @@
 #include "estimator/interface/not_finite.hpp"
 #include "estimator/minimisation/constraint_stages.hpp"
 #include "estimator/minimisation/error_updates.hpp"
+#include "estimator/minimisation/excess_curvature.hpp"
 #include "estimator/minimisation/minimum.hpp"
 #include "estimator/minimisation/stopping.hpp"
 #include "estimator/minimisation/trust_region.hpp"
@@ -28,6 +29,7 @@ public:
           stages_(problem, set, state, limited),
           errors_(problem, set),
           stopping_(problem, set, ledger),
+          excess_(problem, set),
           one_curvature_(has_one_curvature(set, problem.laws)) {}
 
     /// @param begun  see minimise()
@@ -57,6 +59,7 @@ private:
     void rescale(const std::function<void()>& change);
     void search_errors(Follow follow);
     void factorise_errors();
+    void factorise_steps();
     void take_factor(WhitenedArrow standard);
     void drop_factors();
     void set_model();
@@ -97,6 +100,7 @@ private:
     ConstraintStages stages_;
     ErrorUpdates errors_;
     Stopping stopping_;
+    ExcessCurvature excess_;
 
     Minimum minimum_;
     /// Whether errors ask for the same rows in steps and in expectation: a search over their parameters then begins

@@ -36,6 +36,17 @@ void Minimisation::factorise_errors() {
         standard_arrow(set_, minimum_.rows, problem_.laws, state_.psi, minimum_.matching, curvature(), one_curvature_));
 }
 
+/// Factorises again with the curvature that only steps see; error parameters are estimated without it.
+void Minimisation::factorise_steps() {
+    if (excess_.of_blocks().empty()) return;
+    for (const auto& [b, excess] : excess_.of_blocks())
+        minimum_.rows[b].excess = excess;
+    factorise_errors();
+    for (const auto& [b, excess] : excess_.of_blocks())
+        minimum_.rows[b].excess = 0.0;
+    set_model();
+}
+
 void Minimisation::take_factor(WhitenedArrow standard) {
     standard_ = std::move(standard);
     reduced_ = condense(standard_.arrow, 0.0);

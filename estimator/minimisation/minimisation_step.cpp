@@ -104,12 +104,15 @@ bool Minimisation::try_step(const TrialStep& step) {
     ++ledger_.trials;
     const double before = objective();
     const double misfit_before = misfit();
+    excess_.expect(standard_.arrow, step);
     // Values with derivatives take as much memory as factors. Most steps are accepted, and others factorise again.
     const bool dropped = is_long(set_);
     if (dropped) drop_factors();
     Trial trial = evaluated(step);
     const double predicted = step.predicted_decrease();
     if (predicted > 0.0) trial.gain = -trial.change / predicted;
+    if (!trial.evaluation.any_failed && predicted > 0.0)
+        excess_.compare(state_.psi, minimum_.errors, BlockErrors(trial.evaluation.values), trial.gain);
     const bool accepted = decreases(trial);
     const double after = accepted ? before + trial.change : before;
     ledger_.history.push_back(
@@ -120,6 +123,7 @@ bool Minimisation::try_step(const TrialStep& step) {
         derivatives_at_trial_ = judged_by_gradients(0.25 * step.curvature);
         trial = {};
         if (dropped) factorise_errors();
+        factorise_steps();
         return false;
     }
     adopt(step, std::move(trial), misfit_before);

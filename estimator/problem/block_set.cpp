@@ -178,24 +178,38 @@ double part_change(const ActiveBlock& block, const LawPart& part, const NoiseMod
     return 0.5 * sum * std::exp(-2.0 * psi[law.first]);
 }
 
+/// Change of one block.
+double block_change(const BlockSet& set, std::size_t b, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                    const Eigen::VectorXd& scale, const BlockErrors& from, const BlockErrors& to) {
+    const ActiveBlock& block = set.blocks[b];
+    double change = 0.0;
+    for (const std::vector<LawPart>* parts : {&block.parts(), &block.linked_parts()})
+        for (const LawPart& part : *parts)
+            change += part_change(block, part, laws[part.law], psi, from.e(b), to.e(b));
+    if (block.cholesky.size() == 0) return change;
+    Eigen::MatrixXd pair(from.e(b).size(), 2);
+    pair << to.e(b) - from.e(b), to.e(b) + from.e(b);
+    whiten(block.channel(), block.cholesky, scale, pair);
+    return change + 0.5 * pair.col(0).dot(pair.col(1));
+}
+
 }  // namespace
+
+std::vector<double> value_changes(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
+                                  const BlockErrors& from, const BlockErrors& to) {
+    const Eigen::VectorXd scale = scales_of(laws, psi);
+    std::vector<double> change(set.blocks.size());
+    for_blocks(change.size(), [&](std::size_t b) { change[b] = block_change(set, b, laws, psi, scale, from, to); });
+    return change;
+}
 
 double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                     const BlockErrors& from, const BlockErrors& to) {
     const Eigen::VectorXd scale = scales_of(laws, psi);
     std::vector<double> change(pieces_of(set.blocks.size()), 0.0);
     for_pieces(set.blocks.size(), [&](std::size_t begin, std::size_t end, std::size_t piece) {
-        for (std::size_t b = begin; b < end; ++b) {
-            const ActiveBlock& block = set.blocks[b];
-            for (const std::vector<LawPart>* parts : {&block.parts(), &block.linked_parts()})
-                for (const LawPart& part : *parts)
-                    change[piece] += part_change(block, part, laws[part.law], psi, from.e(b), to.e(b));
-            if (block.cholesky.size() == 0) continue;
-            Eigen::MatrixXd pair(from.e(b).size(), 2);
-            pair << to.e(b) - from.e(b), to.e(b) + from.e(b);
-            whiten(block.channel(), block.cholesky, scale, pair);
-            change[piece] += 0.5 * pair.col(0).dot(pair.col(1));
-        }
+        for (std::size_t b = begin; b < end; ++b)
+            change[piece] += block_change(set, b, laws, psi, scale, from, to);
     });
     double sum = 0.0;
     for (const double part : change)

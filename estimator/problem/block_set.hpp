@@ -137,6 +137,11 @@ private:
 [[nodiscard]] double value_change(const BlockSet& set, const std::vector<NoiseModel>& laws, const Eigen::VectorXd& psi,
                                   const BlockErrors& from, const BlockErrors& to);
 
+/// The same of each block.
+[[nodiscard]] std::vector<double> value_changes(const BlockSet& set, const std::vector<NoiseModel>& laws,
+                                                const Eigen::VectorXd& psi, const BlockErrors& from,
+                                                const BlockErrors& to);
+
 /// Constraints divided by their sizes: 1/2 sum (c / size)^2 at `to` minus the same at `from`.
 [[nodiscard]] double violation_change(const BlockSet& set, const BlockErrors& from, const BlockErrors& to);
 /// Root mean square of c / size; 0 without constraints.

@@ -244,6 +244,19 @@ Eigen::VectorXd slopes_along(const BlockSet& set, const std::vector<BlockValue>&
     return sum;
 }
 
+namespace {
+
+/// Rows without a right-hand side that add curvature to the latent states.
+void add_excess(const BlockRows& block, Eigen::MatrixXd& rows) {
+    const Eigen::Index count = rows.rows();
+    const Eigen::VectorXd length = rows.leftCols(block.latents).colwise().norm();
+    rows.conservativeResize(count + block.latents, Eigen::NoChange);
+    rows.bottomRows(block.latents).setZero();
+    rows.bottomLeftCorner(block.latents, block.latents).diagonal() = std::sqrt(block.excess) * length;
+}
+
+}  // namespace
+
 WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vector<NoiseModel>& laws,
                              const Eigen::VectorXd& psi, double matching, Curvature curvature, bool keep_rows,
                              bool factorised, const Spread& spread) {
@@ -276,8 +289,10 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
             WhitenedRows standard = standard_rows(block, laws, psi, curvature);
             value[piece] += standard.value;
             if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
-            assert(as_it_is(b) == (in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols()));
+            assert(block.excess > 0.0 ||
+                   as_it_is(b) == (in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols()));
             if (keep_rows && !as_it_is(b)) result.rows[b] = standard;
+            if (block.excess > 0.0 && in_chain[b] != 0) add_excess(block, standard.rows);
             blocks[b] = in_chain[b] != 0 ? linked_block(std::move(standard.rows), block.latents)
                                          : block_triangle(std::move(standard.rows), block.latents);
             if (block.link.rows() == 0 && block.linked_parts.empty()) continue;

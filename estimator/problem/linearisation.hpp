@@ -34,6 +34,8 @@ struct BlockRows {
     /// Constraints divided by their sizes, [c_z | c_next | c_u | c], and the block that z_next belongs to.
     Eigen::MatrixXd link;
     std::ptrdiff_t next = -1;
+    /// Curvature that steps see beyond that of the rows, over the square of the own columns' lengths. Blocks in chains.
+    double excess = 0.0;
 };
 
 /// Rows of all active blocks at theta (natural units), derivatives with respect to the coordinates u. Compressed unless

@@ -51,8 +51,8 @@ void NearPlaces::enter(std::uint32_t place) {
     for (std::size_t d = 0; d < gridded_; ++d) {
         const double centre = places_(static_cast<Eigen::Index>(d), place);
         // a little more than the ball: differences are rounded
-        const double reach = 1.000001 * radii_[place];
-        touched[d] = {cell(centre - reach, d), cell(centre, d), cell(centre + reach, d)};
+        const double within = 1.000001 * radii_[place];
+        touched[d] = {cell(centre - within, d), cell(centre, d), cell(centre + within, d)};
         std::sort(touched[d].begin(), touched[d].end());
         touched[d].erase(std::unique(touched[d].begin(), touched[d].end()), touched[d].end());
     }

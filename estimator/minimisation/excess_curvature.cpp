@@ -1,0 +1,60 @@
+#include "estimator/minimisation/excess_curvature.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace orbid::estimator {
+
+namespace {
+
+/// Fewer blocks converge or not as a whole.
+constexpr std::size_t fewest_blocks = 100;
+/// Gains of whole steps that ask for no explanation, and for how many trials others are remembered.
+constexpr double least_usual_gain = 0.7, largest_usual_gain = 1.4;
+constexpr int trials_watched = 4;
+/// Shares of all deviations from the model: blocks below are not at fault.
+constexpr double share_at_fault = 0.05;
+/// Beyond this a deviation is not by the block's own states.
+constexpr double most_excess = 1000.0;
+/// Changes of the objective below this may be rounding.
+constexpr double least_change = 1e-6;
+
+}  // namespace
+
+bool ExcessCurvature::possible() const {
+    return set_.blocks.size() >= fewest_blocks && set_.latents > 0 && set_.constraints == 0 && !set_.provisional &&
+           set_.spread.alone();
+}
+
+void ExcessCurvature::expect(const BlockArrow& arrow, const TrialStep& step) {
+    told_.clear();
+    if (!possible() || (excess_.empty() && watched_ == 0)) return;
+    told_ = model_changes(arrow, step.parameters.d, step.latents);
+    square_.resize(told_.size());
+    for (std::size_t b = 0; b < told_.size(); ++b)
+        square_[b] = arrow.blocks[b].norm.cwiseProduct(step.latents[b]).squaredNorm();
+    for (const auto& [b, excess] : excess_) {
+        // The model has the excess, and so do the lengths of its columns.
+        square_[b] /= 1.0 + excess;
+        told_[b] -= 0.5 * excess * square_[b];
+    }
+}
+
+void ExcessCurvature::compare(const Eigen::VectorXd& psi, const BlockErrors& from, const BlockErrors& to, double gain) {
+    const bool usual = gain > least_usual_gain && gain < largest_usual_gain;
+    watched_ = usual ? std::max(watched_ - 1, 0) : trials_watched;
+    if (told_.empty()) return;
+    const std::vector<double> actual = value_changes(set_, problem_.laws, psi, from, to);
+    const auto secant = [&](std::size_t b) { return 2.0 * (actual[b] - told_[b]) / square_[b]; };
+    for (auto& [b, excess] : excess_)
+        if (0.5 * std::max(excess, 1.0) * square_[b] > least_change) excess = std::clamp(secant(b), 0.0, most_excess);
+    if (usual) return;
+    double all = 0.0;
+    for (std::size_t b = 0; b < told_.size(); ++b)
+        all += std::abs(actual[b] - told_[b]);
+    if (!(all > least_change)) return;
+    for (std::size_t b = 0; b < told_.size(); ++b)
+        if (actual[b] - told_[b] > share_at_fault * all && secant(b) < most_excess) excess_.try_emplace(b, secant(b));
+}
+
+}  // namespace orbid::estimator
