@@ -12,8 +12,8 @@ constexpr std::size_t fewest_blocks = 100;
 /// Gains of whole steps that ask for no explanation, and for how many trials others are remembered.
 constexpr double least_usual_gain = 0.7, largest_usual_gain = 1.4;
 constexpr int trials_watched = 4;
-/// Shares of all deviations from the model: blocks below are not at fault.
-constexpr double share_at_fault = 0.05;
+/// Blocks with so much of all deviations from the model are at fault, if together they have most of them.
+constexpr double share_at_fault = 0.05, share_of_all = 0.5;
 /// Beyond this a deviation is not by the block's own states.
 constexpr double most_excess = 1000.0;
 /// Changes of the objective below this may be rounding.
@@ -48,13 +48,21 @@ void ExcessCurvature::compare(const Eigen::VectorXd& psi, const BlockErrors& fro
     const auto secant = [&](std::size_t b) { return 2.0 * (actual[b] - told_[b]) / square_[b]; };
     for (auto& [b, excess] : excess_)
         if (0.5 * std::max(excess, 1.0) * square_[b] > least_change) excess = std::clamp(secant(b), 0.0, most_excess);
-    if (usual) return;
+    if (gain > least_usual_gain) return;
     double all = 0.0;
     for (std::size_t b = 0; b < told_.size(); ++b)
         all += std::abs(actual[b] - told_[b]);
     if (!(all > least_change)) return;
-    for (std::size_t b = 0; b < told_.size(); ++b)
-        if (actual[b] - told_[b] > share_at_fault * all && secant(b) < most_excess) excess_.try_emplace(b, secant(b));
+    double found = 0.0;
+    std::vector<std::size_t> at_fault;
+    for (std::size_t b = 0; b < told_.size(); ++b) {
+        if (!(actual[b] - told_[b] > share_at_fault * all)) continue;
+        found += actual[b] - told_[b];
+        if (secant(b) < most_excess) at_fault.push_back(b);
+    }
+    if (!(found > share_of_all * all)) return;
+    for (const std::size_t b : at_fault)
+        excess_.try_emplace(b, secant(b));
 }
 
 }  // namespace orbid::estimator

@@ -125,9 +125,10 @@ VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     constexpr std::size_t looks = 500;
     const auto starts = transitions(data.systems, all, data.series, data.options.sensor, data.options.segments,
                                     data.interval, looks, 0);
+    const std::span<const Index> no_parameters;
     constexpr std::size_t most_steps = 20000;
     const models::FlowOptions flow{1e-9, 1e-9, std::min(most_steps, data.options.flow.maximum_steps)};
-    const auto predicted = predictions(data.systems, all, starts, {}, data.plan.clock, flow);
+    const auto predicted = predictions(data.systems, all, starts, no_parameters, data.plan.clock, flow);
     std::uint64_t cost = 0;
     for (const Prediction& one : predicted)
         cost += one.cost;
