@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimator/algebra/block_loop.hpp"
+
 namespace orbid::estimator {
 
 namespace {
@@ -14,7 +16,7 @@ constexpr double least_usual_gain = 0.7, largest_usual_gain = 1.4;
 constexpr int trials_watched = 4;
 /// Blocks with so much of all deviations from the model are at fault, if together they have most of them.
 constexpr double share_at_fault = 0.05, share_of_all = 0.5;
-/// Beyond this a deviation is not by the block's own states.
+/// Beyond this a deviation is not by the block's own states; nor is it where they are not read, or in no chain.
 constexpr double most_excess = 1000.0;
 /// Changes of the objective below this may be rounding.
 constexpr double least_change = 1e-6;
@@ -31,20 +33,23 @@ void ExcessCurvature::expect(const BlockArrow& arrow, const TrialStep& step) {
     if (!possible() || (excess_.empty() && watched_ == 0)) return;
     told_ = model_changes(arrow, step.parameters.d, step.latents);
     square_.resize(told_.size());
-    for (std::size_t b = 0; b < told_.size(); ++b)
-        square_[b] = arrow.blocks[b].norm.cwiseProduct(step.latents[b]).squaredNorm();
+    for_blocks(told_.size(), [&](std::size_t b) {
+        const auto own = arrow.blocks[b].triangle.leftCols(step.latents[b].size());
+        square_[b] = arrow.linked[b] ? own.colwise().squaredNorm().dot(step.latents[b].cwiseAbs2()) : 0.0;
+    });
     for (const auto& [b, excess] : excess_) {
-        // The model has the excess, and so do the lengths of its columns.
+        // The model has the excess, and so do the block's own columns.
         square_[b] /= 1.0 + excess;
         told_[b] -= 0.5 * excess * square_[b];
     }
 }
 
-void ExcessCurvature::compare(const Eigen::VectorXd& psi, const BlockErrors& from, const BlockErrors& to, double gain) {
+void ExcessCurvature::compare(const Eigen::VectorXd& psi, const BlockErrors& from, const std::vector<BlockValue>& to,
+                              double gain) {
     const bool usual = gain > least_usual_gain && gain < largest_usual_gain;
     watched_ = usual ? std::max(watched_ - 1, 0) : trials_watched;
     if (told_.empty()) return;
-    const std::vector<double> actual = value_changes(set_, problem_.laws, psi, from, to);
+    const std::vector<double> actual = value_changes(set_, problem_.laws, psi, from, BlockErrors(to));
     const auto secant = [&](std::size_t b) { return 2.0 * (actual[b] - told_[b]) / square_[b]; };
     for (auto& [b, excess] : excess_)
         if (0.5 * std::max(excess, 1.0) * square_[b] > least_change) excess = std::clamp(secant(b), 0.0, most_excess);

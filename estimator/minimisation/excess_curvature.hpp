@@ -11,7 +11,7 @@ namespace orbid::estimator {
 
 /// Curvature of the objective beyond Gauss-Newton's, in the latent states of single blocks, by secants.
 ///
-/// Where a course hardly passes an unstable equilibrium, residuals times second derivatives are a multiple of what
+/// Where a course hardly passes an unstable equilibrium, residuals times second derivatives may outweigh what
 /// Gauss-Newton sees. Its steps overshoot in these few blocks of a long chain and converge slowly there, and all
 /// blocks share their trust region. What the objective of a block did beyond what its model had told, over half the
 /// square of its step, is the curvature that is added to its states from then on (secant method; compare the
@@ -27,7 +27,7 @@ public:
     void expect(const BlockArrow& arrow, const TrialStep& step);
     /// Learns from a trial that could be evaluated.
     /// @param gain  actual over predicted decrease of the whole step
-    void compare(const Eigen::VectorXd& psi, const BlockErrors& from, const BlockErrors& to, double gain);
+    void compare(const Eigen::VectorXd& psi, const BlockErrors& from, const std::vector<BlockValue>& to, double gain);
 
 private:
     [[nodiscard]] bool possible() const;

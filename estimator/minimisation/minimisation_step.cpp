@@ -112,7 +112,7 @@ bool Minimisation::try_step(const TrialStep& step) {
     const double predicted = step.predicted_decrease();
     if (predicted > 0.0) trial.gain = -trial.change / predicted;
     if (!trial.evaluation.any_failed && predicted > 0.0)
-        excess_.compare(state_.psi, minimum_.errors, BlockErrors(trial.evaluation.values), trial.gain);
+        excess_.compare(state_.psi, minimum_.errors, trial.evaluation.values, trial.gain);
     const bool accepted = decreases(trial);
     const double after = accepted ? before + trial.change : before;
     ledger_.history.push_back(
@@ -122,8 +122,10 @@ bool Minimisation::try_step(const TrialStep& step) {
         // Where rounding may hide what the next step gains, gradients at both ends judge it.
         derivatives_at_trial_ = judged_by_gradients(0.25 * step.curvature);
         trial = {};
-        if (dropped) factorise_errors();
-        factorise_steps();
+        if (!excess_.of_blocks().empty())
+            factorise_steps();
+        else if (dropped)
+            factorise_errors();
         return false;
     }
     adopt(step, std::move(trial), misfit_before);

@@ -289,8 +289,7 @@ WhitenedArrow standard_arrow(const std::vector<BlockRows>& rows, const std::vect
             WhitenedRows standard = standard_rows(block, laws, psi, curvature);
             value[piece] += standard.value;
             if (standard.rows.size() == 0) standard.rows.resize(0, block.latents + parameters + 1);
-            assert(block.excess > 0.0 ||
-                   as_it_is(b) == (in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols()));
+            assert(as_it_is(b) == (in_chain[b] != 0 && standard.rows.rows() <= standard.rows.cols()));
             if (keep_rows && !as_it_is(b)) result.rows[b] = standard;
             if (block.excess > 0.0 && in_chain[b] != 0) add_excess(block, standard.rows);
             blocks[b] = in_chain[b] != 0 ? linked_block(std::move(standard.rows), block.latents)

@@ -275,13 +275,17 @@ TEST_CASE("the model's change counts the links", "[estimator]") {
     const BlockArrow arrow = factorise(problem.blocks(), 3);
     const ReducedProblem reduced_problem = condense(arrow, 0.0);
     const Eigen::VectorXd d = -reduced_problem.r.triangularView<Eigen::Upper>().solve(reduced_problem.rhs);
-    const ModelChange change = model_change(arrow, d, latent_steps(arrow, reduced_problem, d));
-    double before = 0.0;
+    const auto z = latent_steps(arrow, reduced_problem, d);
+    const ModelChange change = model_change(arrow, d, z);
+    double before = 0.0, of_blocks = 0.0;
+    for (const double each : model_changes(arrow, d, z))
+        of_blocks += each;
     for (const auto& block : problem.block)
         before += block.own.rightCols(1).squaredNorm() + block.link.rightCols(1).squaredNorm();
     // At the minimum w^T A d = -||A d||^2, and what is left of ||w||^2 is rest^2.
     CHECK(std::abs(change.linear + change.quadratic) < 1e-13 * before);
     CHECK(std::abs(before - change.quadratic - reduced_problem.rest * reduced_problem.rest) < 1e-13 * before);
+    CHECK(std::abs(of_blocks - change.linear - 0.5 * change.quadratic) < 1e-13 * before);
 }
 
 TEST_CASE("panels of a tall matrix give the triangle of the whole", "[estimator]") {
