@@ -79,7 +79,8 @@ export async function see_all(page) {
     for (const figure of document.querySelectorAll("figure[data-chart]")) {
       figure.scrollIntoView({ block: "center" });
       const deadline = performance.now() + 20000;
-      while (figure.dataset.drawn === undefined || figure.dataset.points === "loading") {
+      while (figure.dataset.drawn === undefined || figure.dataset.points === "loading" ||
+             figure.getAttribute("aria-busy") === "true") {
         if (performance.now() > deadline) throw new Error(`${figure.id} is not drawn`);
         await new Promise((resolve) => setTimeout(resolve, 20));
       }

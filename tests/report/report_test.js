@@ -30,16 +30,13 @@ const section_picture = (page) => page.evaluate(() => document.querySelector("#p
 const shows_again = (page, picture) => page.waitForFunction(
   (expected) => document.querySelector("#plot-section canvas").toDataURL() === expected, picture, { polling: 50 });
 
-/** Waits until the section shows something else than `picture` and no longer changes, and returns it. */
+/** Waits until the section shows something else than `picture` and all points are counted, and returns it. */
 async function next_picture(page, picture) {
-  await page.waitForFunction(
-    (old) => document.querySelector("#plot-section canvas").toDataURL() !== old, picture, { polling: 50 });
-  for (let last = picture; ;) {
-    const now = await section_picture(page);
-    if (now === last) return now;
-    last = now;
-    await page.waitForTimeout(200);
-  }
+  await page.waitForFunction((old) => {
+    const figure = document.querySelector("#plot-section");
+    return figure.getAttribute("aria-busy") === "false" && figure.querySelector("canvas").toDataURL() !== old;
+  }, picture, { polling: 50 });
+  return section_picture(page);
 }
 
 for (const name of reports) {

@@ -103,6 +103,8 @@ export class Chart {
       density.add(block);
       this.#soon();
     }).then(() => {
+      density.loaded = true;
+      this.#soon();
       this.figure.dataset.points = String(density.blocks.reduce((sum, block) => sum + block.x.length, 0));
     });
     return density;
@@ -205,15 +207,13 @@ export class Chart {
     const [x, y] = [this.view.x, this.view.y];
     const share = (axis, value) => (value - axis.lower) / (axis.upper - axis.lower);
     const now = this.window.now;
-    // Few points in view: larger cells, so that single points are seen.
-    const inside = this.density.seen;
-    const cell = frame.scale * (this.density.view && inside < 3000 ? 3 : inside < 40000 ? 2 : 1);
     this.density.show({
       left: share(x, now.x[0]), right: share(x, now.x[1]), lower: share(y, now.y[0]), upper: share(y, now.y[1]),
-      columns: Math.max(1, Math.round((frame.right - frame.left) / cell)),
-      rows: Math.max(1, Math.round((frame.bottom - frame.top) / cell)),
+      width: (frame.right - frame.left) / frame.scale, height: (frame.bottom - frame.top) / frame.scale,
     });
-    if (!this.density.count()) this.#soon();
+    const counted = this.density.count();
+    if (!counted) this.#soon();
+    this.figure.setAttribute("aria-busy", String(!counted || !this.density.loaded));
     context.imageSmoothingEnabled = false;
     context.drawImage(this.density.painted(rgb(layer.colour)), frame.left, frame.top, frame.right - frame.left, frame.bottom - frame.top);
   }

@@ -3,10 +3,14 @@
 /** Longest time of one go [ms]: a quarter of the 50 ms from which browsers call a task long. */
 const slice_ms = 12;
 
+/** Side of a cell [px]. Few points in view: larger cells, so that single points are seen. */
+const side_of_cells = (points) => (points < 3000 ? 3 : points < 40000 ? 2 : 1);
+
 /** Counts points of blocks into cells, over as many frames as it takes, and paints what is counted. */
 export class Density {
   constructor() {
     this.blocks = [];
+    this.loaded = false; // all blocks have come
     this.canvas = document.createElement("canvas");
     this.view = null;
     this.next = 0; // first block that is not counted
@@ -17,13 +21,19 @@ export class Density {
     this.blocks.push(block);
   }
 
-  /** What is shown from now on: shares of the axes (0 to 1) at the edges, and the size in cells. */
+  /** What is shown from now on: shares of the axes (0 to 1) at the edges, width and height [px]. */
   show(view) {
     const old = this.view;
     const same = old !== null && Object.keys(view).every((key) => view[key] === old[key]);
-    if (same) return;
-    this.view = view;
-    const cells = view.columns * view.rows;
+    if (!same) this.#begin(view, 1);
+  }
+
+  #begin(view, side) {
+    this.side = side;
+    const columns = Math.max(1, Math.round(view.width / side));
+    const rows = Math.max(1, Math.round(view.height / side));
+    this.view = { ...view, columns, rows };
+    const cells = columns * rows;
     if (this.counts?.length === cells) this.counts.fill(0);
     else this.counts = new Uint32Array(cells);
     this.most = 1; // points of the fullest cell
@@ -31,14 +41,19 @@ export class Density {
     this.seen = 0;
   }
 
-  /** Counts for one slice of time; true when all blocks that have come are counted. */
+  /** Counts for one slice of time; true when all blocks that have come are counted, in cells of the right size. */
   count() {
     const end = performance.now() + slice_ms;
     while (this.next < this.blocks.length) {
       this.#count(this.blocks[this.next++]);
       if (performance.now() > end) break;
     }
-    return this.next === this.blocks.length;
+    if (this.next < this.blocks.length) return false;
+    // How many points are in view is known now, and not before: a part of them would ask for other cells.
+    const side = this.loaded ? side_of_cells(this.seen) : this.side;
+    if (side === this.side) return true;
+    this.#begin(this.view, side);
+    return this.count();
   }
 
   #count(block) {
