@@ -32,12 +32,11 @@ double rows(const DataJob& data) {
     return data.file->bytes() / 30.0;
 }
 
-/// An evaluation with derivatives, in those of a model of two coordinates, four parameters and some 25 operations: the
-/// instructions of a formula and the directions in which it is derived both multiply it.
-double evaluation_size(const models::Equations& equations) {
-    const double operations = static_cast<double>(equations.graph().size());
+/// What an evaluation with derivatives costs, in those of a model of two coordinates, four parameters and some 25
+/// operations: formulas and the directions in which they are derived both multiply it.
+double derivatives_cost(const models::Equations& equations) {
     const double directions = static_cast<double>(equations.coordinates().size() + equations.parameters().size());
-    return operations / 25.0 * (directions / 6.0);
+    return equations.evaluation_cost() / 1.8 * (directions / 6.0);
 }
 
 /// Seconds that the job's flows would take interpreted, to an order of magnitude, from the job only: the decision to
@@ -46,7 +45,7 @@ double interpreted_seconds(const Job& job) {
     // Orders of magnitude on a machine of 2020: a period of a forced model of two coordinates in an ensemble takes 5
     // microseconds, a sample or a link of a series with derivatives thirty.
     constexpr double period_s = 5e-6;
-    const double derivatives_s = 3e-5 * evaluation_size(*job.model.equations);
+    const double derivatives_s = 3e-5 * derivatives_cost(*job.model.equations);
     double seconds = 0.0, fitted = 0.0;
     for (const DataJob& data : job.data) {
         fitted += rows(data);

@@ -98,7 +98,7 @@ struct AffordableWork {
 /// Some 15 to 60 s of one processor in all for a record of some thousands of readings, and 300 steps of the integrator
 /// per reading for a long one. A third of that is 45 iterations with two steps per reading.
 AffordableWork affordable_work(const IdentificationProblem& problem, std::size_t parameters) {
-    constexpr double least = 2e7, steps = 300.0;
+    constexpr double least = 6e7, steps = 300.0;
     double readings = 0.0;
     for (const std::size_t experiment : problem.series->data)
         readings += static_cast<double>(problem.experiments[experiment].series->size());

@@ -1,5 +1,6 @@
 #include "models/equations/equations.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "models/equations/equation_reader.hpp"
@@ -12,6 +13,17 @@ std::shared_ptr<const Equations> Equations::read(const EquationText& text, std::
 
 Kind Equations::kind() const {
     return text_.map ? Kind::map : text_.forcing ? Kind::forced : Kind::autonomous;
+}
+
+double Equations::evaluation_cost() const {
+    constexpr double function = 10.0, lorenz = 14.0;
+    double cost = 0.0;
+    for (std::size_t i = 0; i < graph_.size(); ++i) {
+        const auto operation = graph_[static_cast<Node>(i)].operation;
+        const bool simple = operation < FormulaOperation::sign && operation != FormulaOperation::power;
+        cost += simple ? 1.0 : function;
+    }
+    return std::max(1.0, cost / lorenz);
 }
 
 bool Equations::smooth(const double* theta) const {

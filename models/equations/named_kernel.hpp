@@ -20,6 +20,7 @@ public:
     std::string_view variant() const override { return {}; }
     Kind kind() const override { return equations_->kind(); }
     bool stiff() const override { return equations_->text().stiff; }
+    double evaluation_cost() const override { return equations_->evaluation_cost(); }
     std::span<const Coordinate> coordinates() const override { return equations_->coordinates(); }
     std::span<const Parameter> parameters() const override { return equations_->parameters(); }
     std::span<const Coordinate> inputs() const override { return equations_->inputs(); }

@@ -17,6 +17,7 @@ public:
     std::string_view variant() const override { return other_->variant(); }
     Kind kind() const override { return other_->kind(); }
     bool stiff() const override { return other_->stiff(); }
+    double evaluation_cost() const override { return other_->evaluation_cost(); }
     std::span<const Coordinate> coordinates() const override { return other_->coordinates(); }
     std::span<const Parameter> parameters() const override { return other_->parameters(); }
     std::span<const Coordinate> inputs() const override { return other_->inputs(); }

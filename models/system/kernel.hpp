@@ -83,6 +83,7 @@ public:
     [[nodiscard]] virtual std::string_view variant() const { return {}; }
     [[nodiscard]] virtual Kind kind() const = 0;
     [[nodiscard]] virtual bool stiff() const { return false; }
+    [[nodiscard]] virtual double evaluation_cost() const { return 1.0; }  ///< see System::evaluation_cost()
     [[nodiscard]] virtual std::span<const Coordinate> coordinates() const = 0;
     [[nodiscard]] virtual std::span<const Parameter> parameters() const = 0;
     [[nodiscard]] virtual std::span<const Coordinate> inputs() const { return {}; }

@@ -27,6 +27,7 @@ public:
     std::span<const Parameter> parameters() const override { return kernel_->parameters(); }
     std::optional<Symmetry> symmetry() const override;
     bool stiff() const override { return kernel_->stiff(); }
+    double evaluation_cost() const override { return kernel_->evaluation_cost(); }
     std::span<const Coordinate> inputs() const override { return kernel_->inputs(); }
     std::shared_ptr<const System> with_input(std::shared_ptr<const InputSignal> signal) const override;
     std::shared_ptr<const System> with_stop(std::function<bool()> interrupted) const override;

@@ -104,6 +104,9 @@ public:
     [[nodiscard]] virtual std::optional<Symmetry> symmetry() const = 0;
     /// Slow and fast scales far apart: steps are taken by an implicit method.
     [[nodiscard]] virtual bool stiff() const { return false; }
+    /// What an evaluation of the equations costs, in those of equations as short as Lorenz's: by the length of
+    /// formulas, where the model has them, not by the clock. At least 1.
+    [[nodiscard]] virtual double evaluation_cost() const { return 1.0; }
     /// Measured inputs u(t) that the equations read; empty for most models.
     [[nodiscard]] virtual std::span<const Coordinate> inputs() const { return {}; }
     /// The same model with this signal as its inputs. A system whose inputs were not given cannot be simulated

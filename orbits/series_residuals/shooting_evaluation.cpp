@@ -165,7 +165,7 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     std::uint64_t cost = 0;
     for (const models::FlowResult& one : result.flows)
         cost += flow_cost(one);
-    data.work.fetch_add(cost * static_cast<std::uint64_t>(1 + result.directions), std::memory_order_relaxed);
+    data.work.fetch_add(flow_work(system, cost, result.directions), std::memory_order_relaxed);
     result.ok.assign(chunk.nodes.size(), 1);
     result.states.resize(n, count * (result.instants + 1));
     std::vector<double> instant_phases(static_cast<std::size_t>(result.states.cols()));

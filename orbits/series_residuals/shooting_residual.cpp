@@ -132,7 +132,7 @@ VectorXd ShootingResidual::predicted_noise(const VectorXd& all) const {
     std::uint64_t cost = 0;
     for (const Prediction& one : predicted)
         cost += one.cost;
-    data.work.fetch_add(cost * static_cast<std::uint64_t>(1 + data.system().dimension()), std::memory_order_relaxed);
+    data.work.fetch_add(flow_work(data.system(), cost, data.system().dimension()), std::memory_order_relaxed);
     const VectorXd per_coordinate = prediction_noise(predicted, error_sizes(data.options.sensor, data.range));
     for (const ObservedCoordinate& o : data.observed) {
         double& here = noise[o.group];

@@ -88,7 +88,7 @@ private:
             durations.push_back(record_.at[k] - record_.at[0]);
         auto flow = record_.system.flow_with_sensitivities(x, record_.phases.front(), durations, record_.theta, {},
                                                            record_.clock, window_flow);
-        work_ += flow.steps * static_cast<std::uint64_t>(1 + record_.system.dimension());
+        work_ += flow_work(record_.system, flow.steps, record_.system.dimension());
         return flow;
     }
 
@@ -154,7 +154,7 @@ public:
         Analogue best;
         const double first_phase = record_.phases.front();
         const auto flow = record_.system.flow(x, first_phase, durations, record_.theta, record_.clock, rough);
-        work_ += flow.steps;
+        work_ += flow_work(record_.system, flow.steps, 0);
         if (flow.status != models::FlowStatus::ok || !flow.states.allFinite()) return best;
         std::vector<double> phases;
         const double rate = std::ssize(record_.phases) > stride_ && stride_ > 0

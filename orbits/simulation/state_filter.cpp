@@ -8,6 +8,7 @@
 #include "models/arithmetic/median.hpp"
 #include "models/definition/parameter.hpp"
 #include "orbits/simulation/section_map.hpp"
+#include "orbits/simulation/transition.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -105,7 +106,7 @@ public:
     }
 
     [[nodiscard]] Step& now() { return now_; }
-    [[nodiscard]] std::uint64_t work() const { return steps_ * static_cast<std::uint64_t>(1 + all_); }
+    [[nodiscard]] std::uint64_t work() const { return flow_work(record_.system, steps_, all_); }
     [[nodiscard]] const VectorXd& theta() const { return theta_; }
     [[nodiscard]] double misfit() const { return misfit_; }
     [[nodiscard]] VectorXd surprise() const {

@@ -116,6 +116,11 @@ std::vector<Transition> transitions(std::span<const std::shared_ptr<const models
     return result;
 }
 
+std::uint64_t flow_work(const models::System& system, std::uint64_t steps, Index directions) {
+    const double cost = system.evaluation_cost() * static_cast<double>(1 + directions);
+    return static_cast<std::uint64_t>(cost * static_cast<double>(steps));
+}
+
 std::vector<Prediction> predictions(std::span<const std::shared_ptr<const models::System>> systems,
                                     const VectorXd& theta, const std::vector<Transition>& transitions,
                                     std::optional<std::span<const Index>> free, models::Clock clock,

@@ -50,6 +50,10 @@ struct Transition {
     return flow.status == models::FlowStatus::ok ? flow.steps : 2 * flow.steps;
 }
 
+/// Work: what steps of the integrator with derivatives in so many directions cost, in steps without derivatives of
+/// short equations, see models::System::evaluation_cost(). The same on every machine.
+[[nodiscard]] std::uint64_t flow_work(const models::System& system, std::uint64_t steps, Eigen::Index directions);
+
 /// The error of a predicted transition: to - Phi(from), angles wrapped, and derivatives of Phi.
 struct Prediction {
     bool ok = false;
