@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "models/equations/equation_reader.hpp"
 
@@ -17,10 +18,18 @@ Kind Equations::kind() const {
 
 double Equations::evaluation_cost() const {
     constexpr double function = 10.0, lorenz = 14.0;
+    // What stands for the sides of surfaces is in the graph too.
+    std::vector<bool> needed(graph_.size());
+    for (const Node node : rates_)
+        needed[node] = true;
     double cost = 0.0;
-    for (std::size_t i = 0; i < graph_.size(); ++i) {
-        const auto operation = graph_[static_cast<Node>(i)].operation;
-        const bool simple = operation < FormulaOperation::sign && operation != FormulaOperation::power;
+    for (std::size_t i = graph_.size(); i-- > 0;) {
+        if (!needed[i]) continue;
+        const ExpressionGraph::Entry& entry = graph_[static_cast<Node>(i)];
+        const bool variable = entry.operation < FormulaOperation::add;
+        if (!variable) needed[entry.a] = true;
+        if (is_binary(entry.operation)) needed[entry.b] = true;
+        const bool simple = entry.operation < FormulaOperation::sign && entry.operation != FormulaOperation::power;
         cost += simple ? 1.0 : function;
     }
     return std::max(1.0, cost / lorenz);

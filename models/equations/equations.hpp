@@ -37,7 +37,7 @@ public:
     [[nodiscard]] const EquationText& text() const { return text_; }
     [[nodiscard]] const ExpressionGraph& graph() const { return graph_; }
     [[nodiscard]] Kind kind() const;
-    [[nodiscard]] double evaluation_cost() const;  ///< see System::evaluation_cost()
+    [[nodiscard]] double evaluation_cost() const;  ///< interpreted, see System::evaluation_cost()
     /// f, or the next iterate, one per coordinate.
     [[nodiscard]] std::span<const Node> rates() const { return rates_; }
     /// h of each switching surface.

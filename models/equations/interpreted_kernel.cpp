@@ -46,6 +46,7 @@ public:
           n_(equations->coordinates().size()),
           size_(shape.size) {}
 
+    double evaluation_cost() const override { return equations().evaluation_cost(); }
     bool at_rest(const double* state, const double* theta) const override {
         return other()->at_rest(padded(state).data(), placed(theta).data());
     }
