@@ -267,9 +267,10 @@ inline void fields(Archive& archive, ComparisonResult& value) {
 }
 
 inline void fields(Archive& archive, SeriesStart& value) {
-    auto& [theta, intervals, nodes, reading_sds, follows, doubtful, affordable, attempts, iterations, evaluations] =
-        value;
-    archive(theta, intervals, nodes, reading_sds, follows, doubtful, affordable, attempts, iterations, evaluations);
+    auto& [theta, intervals, nodes, reading_sds, follows, doubtful, several_ends, affordable, attempts, iterations,
+           evaluations] = value;
+    archive(theta, intervals, nodes, reading_sds, follows, doubtful, several_ends, affordable, attempts, iterations,
+            evaluations);
 }
 
 inline void fields(Archive& archive, StageValue& value) {

@@ -211,6 +211,17 @@ std::string series_doubt(const models::System& system, const StageRun& run) {
     return {};
 }
 
+std::string group_without_errors(const StageRun& run) {
+    for (const auto& series : run.residuals.shooting)
+        for (std::size_t g = 0; g < series->reading_groups(); ++g) {
+            const auto* scale = scale_of(run.estimate, series->groups()[g].name);
+            if (scale != nullptr && scale->estimated && scale->count > 0 &&
+                scale->rms <= nothing_left * series->reading_range(g))
+                return scale->group;
+        }
+    return {};
+}
+
 bool may_need_nodes(const IdentificationProblem& problem, const std::vector<Stage>& strategy) {
     if (!problem.series || problem.series->interval || !problem.series->unless_errors_grow) return false;
     if (strategy.size() != 1 || !strategy.front().is_series()) return false;

@@ -40,6 +40,11 @@ struct NeighbourCorrelation {
 /// have to explain all readings as well, by other parameters. What is too short to tell is not explained.
 [[nodiscard]] std::string series_doubt(const models::System& system, const StageRun& run);
 
+/// A group of readings that the estimate of a stage meets to rounding, although their errors are estimated: links from
+/// node to node take up what the model misses, and the smaller the errors the higher the likelihood, without end.
+/// Empty: none.
+[[nodiscard]] std::string group_without_errors(const StageRun& run);
+
 /// Whether a strategy is a series over whole segments alone that asks for nodes where it needs some, and has segments
 /// long enough for them.
 [[nodiscard]] bool may_need_nodes(const IdentificationProblem& problem, const std::vector<Stage>& strategy);

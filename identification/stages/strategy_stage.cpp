@@ -10,6 +10,7 @@
 
 #include "identification/problem/estimated_values.hpp"
 #include "identification/stages/harvest_stage.hpp"
+#include "identification/stages/series_doubt.hpp"
 #include "identification/stages/several_starts.hpp"
 #include "identification/stages/stage_value.hpp"
 #include "identification/starts/cycle_start.hpp"
@@ -196,9 +197,13 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     run.estimate = std::move(memory.estimate);
     run.estimate.iterations += memory.cycles.iterations + memory.series.iterations;
     run.estimate.evaluations += memory.cycles.evaluations + memory.series.evaluations;
-    if (memory.series.doubtful && run.estimate.status == EstimateStatus::converged) {
-        run.estimate.status = EstimateStatus::no_progress;
-        run.estimate.message += "; no start explains the readings by their errors, and no two lead to the same end";
+    if (memory.series.several_ends && run.estimate.status == EstimateStatus::converged) {
+        const std::string met = group_without_errors(run);
+        if (memory.series.doubtful || !met.empty()) {
+            run.estimate.status = EstimateStatus::no_progress;
+            if (!met.empty()) run.estimate.message += fmt::format("; {} is met exactly, links take up its errors", met);
+            run.estimate.message += "; no start explains the readings by their errors, and no two lead to the same end";
+        }
     }
     run.result.status = run.estimate.status;
     run.parameters = std::move(parameters);

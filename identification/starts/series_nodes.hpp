@@ -24,6 +24,7 @@ struct SeriesStart {
     /// Readings tell no states, no attempt explains them, and no two attempts have come to the same: the end of an
     /// estimate from here is one of several.
     bool doubtful = false;
+    bool several_ends = false;     ///< the same, also where readings tell the states
     std::uint64_t affordable = 0;  ///< work that an estimate from here may cost; 0: any
     int attempts = 0;              ///< that were made
     int iterations = 0;

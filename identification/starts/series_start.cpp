@@ -129,7 +129,8 @@ struct Failure {
 
 /// What that means for the estimate, and for whoever reads the results.
 void judge_failure(const Failure& how, bool hidden, const SeriesSearch& search, SeriesStart& start) {
-    start.doubtful = hidden && !how.agree;
+    start.several_ends = !how.agree;
+    start.doubtful = hidden && start.several_ends;
     // Where readings tell the states, an estimate from them may still succeed, unless not even one attempt could end.
     start.affordable = start.doubtful || !how.ended ? how.affordable : how.most;
     if (!search.remark) return;
