@@ -162,9 +162,13 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
     if (result.instants > 0)
         result.flows = system.flows(starts, phases, in_order, all, free, data.plan.clock, chunk.flow);
 
-    std::uint64_t cost = 0;
-    for (const models::FlowResult& one : result.flows)
+    // Some eight trajectories advance together, and wait for the slowest.
+    std::uint64_t cost = 0, longest = 0;
+    for (const models::FlowResult& one : result.flows) {
         cost += flow_cost(one);
+        longest = std::max(longest, flow_cost(one));
+    }
+    cost = std::max(cost, longest * std::min<std::uint64_t>(8, result.flows.size()));
     data.work.fetch_add(flow_work(system, cost, result.directions), std::memory_order_relaxed);
     result.ok.assign(chunk.nodes.size(), 1);
     result.states.resize(n, count * (result.instants + 1));

@@ -6,6 +6,11 @@
 #include <numbers>
 #include <random>
 
+#include "identification/problem/estimate_setup.hpp"
+#include "identification/starts/series_nodes.hpp"
+#include "identification/strategy/identify.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
 #include "tests/catch.hpp"
 
 namespace series_doubt_test {
@@ -97,6 +102,45 @@ TEST_CASE("too few states, and residuals that are all alike, tell nothing", "[id
     const auto half = neighbour_correlation(left);
     CHECK(half.limit > neighbour_correlation(henon_states(600, 1)).limit);
     CHECK(std::isfinite(half.value));
+}
+
+TEST_CASE("readings that are met to rounding have no errors", "[identification]") {
+    const auto system = models::make_system("lorenz");
+    orbits::VirtualExperimentOptions options;
+    options.plan = orbits::SamplePlan{0.02, 60, 100};
+    options.initial = Eigen::Vector3d(1.0, 1.3, 20.0);
+    const Eigen::VectorXd theta = system->default_parameters();
+    identification::IdentificationProblem problem;
+    problem.system = system;
+    problem.experiments.emplace_back();
+    problem.experiments[0].series =
+        std::make_shared<const orbits::Series>(orbits::simulate(*system, theta, options).series);
+    problem.parameters.push_back(identification::free_parameter(*system, "sigma", 10.0));
+    problem.series.emplace();
+    problem.series->data = {0};
+    problem.series->interval = 1;
+    problem = identification::completed(problem);
+    identification::SeriesStart start;
+    start.theta = Eigen::VectorXd::Constant(1, 10.0);
+    identification::StageRun run;
+    const auto setup = identification::estimate_setup(problem, identification::fitted_labels(problem));
+    identification::add_shooting(problem, setup, start, run.residuals);
+
+    const auto scale = [](const char* group, double rms) {
+        estimator::EstimatedScale one;
+        one.group = group;
+        one.count = 60;
+        one.rms = rms;
+        return one;
+    };
+    // x goes over some 30 units.
+    run.estimate.scales = {scale("series.x", 1e-6), scale("series.y", 0.1), scale("series.z", 0.1),
+                           scale("series.matching.x", 1e-12)};
+    CHECK(identification::group_without_errors(run).empty());
+    run.estimate.scales[0].rms = 1e-8;
+    CHECK(identification::group_without_errors(run) == "series.x");
+    run.estimate.scales[0].estimated = false;
+    CHECK(identification::group_without_errors(run).empty());
 }
 
 }  // namespace series_doubt_test
