@@ -88,7 +88,7 @@ ProblemResiduals stage_residuals(StageInput& input, const Stage& stage, Paramete
             nodes.theta = starts(parameters);
             input.observer.within("states at the nodes");
             // After a search that found nothing, flows that take more steps than this lead nowhere.
-            constexpr models::FlowOptions quick_flow{1e-12, 1e-12, 2000};
+            constexpr models::FlowOptions quick_flow{1e-12, 1e-12, 500};
             add_shooting(problem, input.setup, nodes, residuals,
                          nodes.affordable > 0 ? std::optional(quick_flow) : std::nullopt);
         }

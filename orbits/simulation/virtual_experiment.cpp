@@ -180,9 +180,10 @@ StateRecord record_plan(const models::System& system, const Eigen::VectorXd& the
         const std::size_t after = system.inputs().empty() ? 0 : 1;
         duration = samples->step * static_cast<double>(samples->transient + samples->count - after);
     }
-    const Eigen::VectorXd range = options.random_range.size() > 0 ? options.random_range
-                                                                  : typical_range(system, theta, options.phase,
-                                                                                  duration, options.seed, options.flow);
+    Eigen::VectorXd range = options.random_range;
+    // Samples need no range where all first states are given.
+    if (range.size() == 0 && (samples == nullptr || options.initial.cols() == 0))
+        range = typical_range(system, theta, options.phase, duration, options.seed, options.flow);
     return samples != nullptr ? record_samples(system, theta, options, range)
                               : record_sections(system, theta, options, range, 0.0);
 }
