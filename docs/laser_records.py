@@ -73,13 +73,20 @@ def main():
     parser.add_argument("--seeds", nargs=2, type=int, default=[0, 50], metavar=("FROM", "TO"))
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    folder = options.out or Path(tempfile.mkdtemp())
-    folder.mkdir(parents=True, exist_ok=True)
+    if options.out:
+        options.out.mkdir(parents=True, exist_ok=True)
+        return identified(options.orbid, options.seeds, options.out)
+    with tempfile.TemporaryDirectory() as folder:
+        return identified(options.orbid, options.seeds, Path(folder))
+
+
+def identified(orbid, seeds, folder):
+    """Makes the records of these seeds and runs their jobs; returns the exit code."""
     converged, far, inside, squares, count, seconds = 0, 0, 0, 0.0, 0, []
-    for seed in range(*options.seeds):
+    for seed in range(*seeds):
         job = written(seed, folder)
         begin = time.monotonic()
-        run = subprocess.run([options.orbid, "run", job, "--out", folder / str(seed), "--force", "--quiet", "--threads",
+        run = subprocess.run([orbid, "run", job, "--out", folder / str(seed), "--force", "--quiet", "--threads",
                               "1"], stdout=subprocess.DEVNULL)
         seconds.append(time.monotonic() - begin)
         stored = folder / str(seed) / "result.json"

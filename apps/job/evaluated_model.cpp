@@ -36,7 +36,8 @@ double rows(const DataJob& data) {
 /// operations: formulas and the directions in which they are derived both multiply it.
 double derivatives_cost(const models::Equations& equations) {
     const double directions = static_cast<double>(equations.coordinates().size() + equations.parameters().size());
-    return equations.evaluation_cost() / 1.8 * (directions / 6.0);
+    constexpr double typical = 25.0 / 14.0;  // operations, over those of Lorenz's equations
+    return equations.evaluation_cost() / typical * (directions / 6.0);
 }
 
 /// Seconds that the job's flows would take interpreted, to an order of magnitude, from the job only: the decision to
