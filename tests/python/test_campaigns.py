@@ -151,7 +151,7 @@ def test_a_campaign_that_was_stopped_goes_on(tmp_path, swings):
     assert np.isnan(table["w0sq"][waits]).all() and (table["status"][waits] == "").all()
     assert all(isinstance(now, orbid.CampaignProgress) and now.tasks == 480 for now in told)
     # The same call, without what stops it.
-    short = {**CAMPAIGN, "vary": CAMPAIGN["vary"][1:], "replicates": 20}
+    short = {**CAMPAIGN, "vary": CAMPAIGN["vary"][1:], "replicates": 100}
     calls = []
 
     def stop_once(now):
@@ -162,7 +162,7 @@ def test_a_campaign_that_was_stopped_goes_on(tmp_path, swings):
     assert first.status == "interrupted"
     kept = first.table()
     whole = orbid.campaign(short, tmp_path / "short")
-    assert whole.status == "done" and whole.exit_code == 0 and whole.counts["done"] == 80
+    assert whole.status == "done" and whole.exit_code == 0 and whole.counts["done"] == 400
     ended = kept["state"] == "done"
     assert whole.table()[ended].tobytes() == kept[ended].tobytes() or (
         whole.table()[ended].tolist() == kept[ended].tolist())
