@@ -39,13 +39,19 @@ void transfer_name(apps::Archive& archive, Enumerator& value, Enumerator last) {
 }
 
 inline void fields(apps::Archive& archive, Estimated& value) {
-    auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share, degrees_of_freedom, limit] =
-        value;
+    auto& [name, unit, at, start, sd, lower95, upper95, method, bound, laplace_sd, share, degrees_of_freedom, limit,
+           bias] = value;
     archive(name, unit, at, start, sd, lower95, upper95);
     transfer_name(archive, method, IntervalMethod::likelihood);
     transfer_name(archive, bound, BoundSide::upper);
     archive(laplace_sd, share, degrees_of_freedom);
     transfer_name(archive, limit, BoundSide::upper);
+    archive(bias);
+}
+
+inline void fields(apps::Archive& archive, JointNormalPrior& value) {
+    auto& [names, mean, covariance] = value;
+    archive(names, mean, covariance);
 }
 
 inline void fields(apps::Archive& archive, EstimatedScale& value) {
@@ -144,11 +150,11 @@ inline void fields(apps::Archive& archive, Estimate& value) {
     auto& [status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
            correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
            effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
-           evaluations, rounds, remaining, history, active] = value;
+           evaluations, rounds, remaining, history, active, tilt] = value;
     archive(status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
             correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
             effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
-            evaluations, rounds, remaining, history, active);
+            evaluations, rounds, remaining, history, active, tilt);
 }
 
 inline void fields(apps::Archive& archive, StartedRun& value) {

@@ -181,6 +181,8 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
     estimator::EstimateOptions quiet = options;
     quiet.progress = {};
     quiet.watched = {};
+    estimator::EstimateOptions tilted = quiet;
+    if (estimate.tilt) tilted.joint_priors.push_back(*estimate.tilt);
     const auto progress = [&work](int finished, int) { work.progress.at(finished); };
     Exploration exploration(work, estimate, checkpoint, results);
     // Of parameters that are held there is nothing to explore.
@@ -192,14 +194,14 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
             estimator::ProfileOptions profile;
             profile.names = chosen(job.profile, parameters);
             profile.progress = progress;
-            return estimator::profiles(parameters, residuals, quiet, estimate, profile);
+            return estimator::profiles(parameters, residuals, tilted, estimate, profile);
         });
     if (wanted(job.marginals))
         exploration.unknowns("marginals", chosen(job.marginals, parameters), results.marginals, [&] {
             estimator::MarginalOptions marginal;
             marginal.names = chosen(job.marginals, parameters);
             marginal.progress = progress;
-            return estimator::marginals(parameters, residuals, quiet, estimate, marginal);
+            return estimator::marginals(parameters, residuals, tilted, estimate, marginal);
         });
     if (job.intervals.bootstrap > 0)
         exploration.bootstrap(job.intervals, [&](const estimator::BootstrapOptions& asked) {
@@ -207,7 +209,7 @@ void explore_posterior(const Workspace& work, const std::vector<estimator::FreeP
         });
     if (job.sample.draws > 0)
         exploration.sample(job.sample, [&](const estimator::SampleOptions& sample) {
-            return estimator::sample_posterior(parameters, residuals, derived, quiet, estimate, sample);
+            return estimator::sample_posterior(parameters, residuals, derived, tilted, estimate, sample);
         });
 }
 

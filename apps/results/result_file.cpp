@@ -41,6 +41,7 @@ Json estimated_json(const estimator::Estimated& x, const std::map<std::string, d
     out["at_bound"] = json_or_null(name(x.at_bound));
     out["laplace_sd"] = x.laplace_sd;
     out["data_share"] = x.data_share;
+    out["bias"] = x.bias;
     return out;
 }
 

@@ -11,6 +11,7 @@
 
 #include "estimator/estimate/estimate.hpp"
 #include "estimator/exploration/record_draws.hpp"
+#include "estimator/exploration/replication.hpp"
 #include "estimator/interface/eigen_layout.hpp"
 
 namespace orbid::estimator {
@@ -19,16 +20,6 @@ namespace orbid::estimator {
 inline constexpr double most_failed_replicates = 0.05;
 /// The ends of a 95 % interval lie among the values of so many replicates and not beyond them.
 inline constexpr std::size_t least_replicates = 39;
-
-/// The estimate from one record drawn anew.
-struct BootstrapReplicate {
-    std::uint64_t number = 0;
-    EstimateStatus status = EstimateStatus::failed;
-    std::string message;
-    Eigen::VectorXd values;  ///< parameters, derived quantities, estimated error scales; empty when it failed
-    Eigen::VectorXd sds;     ///< likewise; nan where undetermined or at a bound
-    int evaluations = 0;
-};
 
 /// One quantity over the replicates; nan what is not known.
 struct BootstrapQuantity {
@@ -79,8 +70,7 @@ struct BootstrapOptions {
 };
 
 /// Calibrates the intervals of an estimate by simulation: records are drawn anew from it (RecordDraws) and estimated
-/// again, each beginning at the estimate, with its sets of blocks. The same result for any number of threads, and
-/// whatever was done before.
+/// again (Replication). The same result for any number of threads, and whatever was done before.
 ///
 /// A normal, log-normal or joint normal prior of a parameter is a record, too: its mean is drawn anew around the
 /// estimate. Other priors stay as they are.

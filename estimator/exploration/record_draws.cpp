@@ -243,7 +243,7 @@ void RecordDraws::draw(const Channel& channel, std::size_t length, RandomStream 
     }
 }
 
-std::vector<std::vector<Eigen::VectorXd>> RecordDraws::shifts(std::size_t replicate) const {
+std::vector<std::vector<Eigen::VectorXd>> RecordDraws::shifts(std::size_t replicate, Mirror mirror) const {
     std::vector<std::vector<Eigen::VectorXd>> all;
     for (std::size_t r = 0; r < sources_.size(); ++r) {
         const Source& source = sources_[r];
@@ -258,6 +258,9 @@ std::vector<std::vector<Eigen::VectorXd>> RecordDraws::shifts(std::size_t replic
             draw(source.channels[g], source.length, {seed_, RandomPurpose::bootstrap, stream_of(replicate, r, own)},
                  unit);
         }
+        if (mirror == Mirror::opposite)
+            for (Eigen::VectorXd& one : unit)
+                one = -one;
         auto& shifts = all.emplace_back(layout.size());
         for (std::size_t b = 0; b < layout.size(); ++b) {
             if (!layout[b].active) continue;

@@ -23,6 +23,9 @@ enum class ErrorDraw {
 /// "auto", "parametric", "blocks".
 [[nodiscard]] const char* name(ErrorDraw draw);
 
+/// Whether errors have their own sign, or the opposite one. What is linear in errors cancels in the mean of the two.
+enum class Mirror { none, opposite };
+
 struct RecordDrawOptions {
     ErrorDraw kind = ErrorDraw::automatic;
     std::uint64_t seed = 1;
@@ -58,7 +61,8 @@ public:
     [[nodiscard]] std::size_t longest_block() const;
 
     /// What is to be added to the errors of every active block: per residual, per block (empty: not active).
-    [[nodiscard]] std::vector<std::vector<Eigen::VectorXd>> shifts(std::size_t replicate) const;
+    [[nodiscard]] std::vector<std::vector<Eigen::VectorXd>> shifts(std::size_t replicate,
+                                                                   Mirror mirror = Mirror::none) const;
 
 private:
     struct Place {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -9,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "estimator/interface/eigen_layout.hpp"
+#include "estimator/interface/prior.hpp"
 #include "estimator/interface/residual.hpp"
 
 #pragma GCC visibility push(default)
@@ -63,6 +65,8 @@ struct Estimated {
     double interval_degrees_of_freedom = std::numeric_limits<double>::quiet_NaN();
     /// The end of the interval that is a one-sided limit of 95 %; the other end is a bound. See bounded_interval().
     BoundSide limit = BoundSide::none;
+    /// What unbiased() took off: the minimum of the objective is about value + bias.
+    double bias = 0.0;
 };
 
 struct EstimatedScale {
@@ -170,6 +174,9 @@ struct Estimate {
     double remaining = std::numeric_limits<double>::quiet_NaN();
     std::vector<StepRecord> history;
     std::vector<ActiveSet> active;  ///< per residual: blocks, fixed scales and memory at the end
+    /// A slope that the objective had beside the residuals and priors, see Tilt. What explores the objective around the
+    /// estimate takes it among its joint priors.
+    std::optional<JointNormalPrior> tilt;
 };
 
 }  // namespace orbid::estimator

@@ -25,11 +25,6 @@ Eigen::VectorXd matching_sds(const orbits::ShootingResidual& residual, const est
     return residual.matching_sd(scales);
 }
 
-/// Index of the first residual by multiple shooting in the order of ProblemResiduals::all().
-std::size_t first_shooting(const ProblemResiduals& residuals) {
-    return (residuals.cycles ? 1 : 0) + residuals.series.size();
-}
-
 Eigen::VectorXd laplace_sds(const estimator::Estimate& estimate) {
     return column(estimate.parameters, &estimator::Estimated::laplace_sd);
 }
@@ -116,7 +111,7 @@ std::vector<MatchingResult::Diffusion> diffusions(const IdentificationProblem& p
 std::vector<MatchingResult> matching_results(const StageInput& input, const StageRun& run, bool compared) {
     const IdentificationProblem& problem = input.problem;
     const auto& shooting = run.residuals.shooting;
-    const std::size_t first = first_shooting(run.residuals);
+    const std::size_t first = run.residuals.first_shooting();
     if (shooting.empty() || run.estimate.latents.size() != run.residuals.all().size()) return {};
     std::vector<orbits::ContinuityReport> reports;
     bool diffusion = false;
@@ -159,7 +154,7 @@ std::vector<MatchingResult> matching_results(const StageInput& input, const Stag
 std::optional<double> matched_noise(const StageRun& run) {
     double sum = 0.0;
     const auto& shooting = run.residuals.shooting;
-    const std::size_t first = first_shooting(run.residuals);
+    const std::size_t first = run.residuals.first_shooting();
     for (std::size_t i = 0; i < shooting.size(); ++i)
         sum += std::log(shooting[i]->noise(run.estimate.active.at(first + i)));
     if (shooting.empty() || !std::isfinite(sum)) return std::nullopt;

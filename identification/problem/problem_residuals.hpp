@@ -29,6 +29,8 @@ struct ProblemResiduals {
 
     /// Cycles, then series by single and by multiple shooting, then waveform and branch; predictions last.
     [[nodiscard]] std::vector<const estimator::Residual*> all() const;
+    /// Place of the first one of `shooting` in all().
+    [[nodiscard]] std::size_t first_shooting() const { return (cycles ? 1 : 0) + series.size(); }
     /// A copy of each, in the same order.
     [[nodiscard]] std::vector<std::unique_ptr<estimator::Residual>> copies() const;
 };

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <limits>
 #include <string>
 
 #include <fmt/format.h>
 
+#include "estimator/exploration/tilt.hpp"
 #include "identification/problem/estimated_values.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/series_residuals/chain_information.hpp"
@@ -23,11 +24,6 @@ using Parameters = std::vector<estimator::FreeParameter>;
 
 bool is_noisy(const orbits::ShootingResidual& residual) {
     return residual.matching().kind == Continuity::Kind::diffusion;
-}
-
-/// Index of the first residual with nodes in the order of ProblemResiduals::all().
-std::size_t first_shooting(const ProblemResiduals& residuals) {
-    return (residuals.cycles ? 1 : 0) + residuals.series.size();
 }
 
 VectorXd scales_of(const orbits::ShootingResidual& residual, const Estimate& estimate) {
@@ -58,7 +54,7 @@ double half_ln_information(const ProblemResiduals& residuals, const Estimate& es
     for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
         const orbits::ShootingResidual& residual = *residuals.shooting[i];
         if (!is_noisy(residual)) continue;
-        const std::size_t at = first_shooting(residuals) + i;
+        const std::size_t at = residuals.first_shooting() + i;
         const estimator::ActiveSet& active = estimate.active[at];
         const VectorXd scales = scales_of(residual, estimate);
         std::vector<VectorXd> states = estimate.latents[at];
@@ -72,34 +68,11 @@ double half_ln_information(const ProblemResiduals& residuals, const Estimate& es
     return sum;
 }
 
-/// A linear term as a wide prior, and what it adds to the objective beside its slope.
-struct Tilt {
-    std::vector<std::size_t> place;  ///< of the parameters that have it
-    VectorXd slope, mean, sd;
-
-    [[nodiscard]] bool empty() const { return place.empty(); }
-};
-
-/// -d ln|dx/du| / dx of the coordinate u in which a parameter is estimated: what a prior has besides its density.
-double scale_slope(const estimator::FreeParameter& parameter, double x) {
-    if (parameter.scale == estimator::Scale::log || parameter.scale == estimator::Scale::log10) return -1.0 / x;
-    if (parameter.scale == estimator::Scale::logit) return 1.0 / (parameter.upper - x) - 1.0 / (x - parameter.lower);
-    return 0.0;
-}
-
-double ln_scale_slope(const estimator::FreeParameter& parameter, double x) {
-    if (parameter.scale == estimator::Scale::log) return std::log(x);
-    if (parameter.scale == estimator::Scale::log10) return std::log(x * std::numbers::ln10);
-    if (parameter.scale == estimator::Scale::logit)
-        return std::log((x - parameter.lower) * (parameter.upper - x) / (parameter.upper - parameter.lower));
-    return 0.0;
-}
-
-Tilt tilt_at(const Parameters& parameters, const ProblemResiduals& residuals, const Estimate& estimate) {
-    constexpr double difference = 0.1, wide = 300.0;  // sds
-    Tilt tilt;
+/// Slopes of half_ln_information(), by central differences of a tenth of a sd; nan of what is not determined.
+VectorXd information_slope(const Parameters& parameters, const ProblemResiduals& residuals, const Estimate& estimate) {
+    constexpr double difference = 0.1;  // sds
     const VectorXd theta = estimated_theta(estimate);
-    std::vector<double> slopes;
+    VectorXd slope = VectorXd::Constant(theta.size(), std::numeric_limits<double>::quiet_NaN());
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const double sd = estimate.parameters[i].laplace_sd;
         if (!(sd > 0.0) || !std::isfinite(sd) || parameters[i].lower == parameters[i].upper) continue;
@@ -107,76 +80,11 @@ Tilt tilt_at(const Parameters& parameters, const ProblemResiduals& residuals, co
         VectorXd above = theta, below = theta;
         above[at] = std::min(theta[at] + difference * sd, parameters[i].upper);
         below[at] = std::max(theta[at] - difference * sd, parameters[i].lower);
-        const double slope =
+        slope[at] =
             (half_ln_information(residuals, estimate, above) - half_ln_information(residuals, estimate, below)) /
             (above[at] - below[at]);
-        if (!std::isfinite(slope)) continue;
-        tilt.place.push_back(i);
-        slopes.push_back(slope - scale_slope(parameters[i], theta[at]));
     }
-    const auto count = std::ssize(tilt.place);
-    tilt.slope = Eigen::Map<const VectorXd>(slopes.data(), count);
-    tilt.mean.resize(count);
-    tilt.sd.resize(count);
-    for (Index k = 0; k < count; ++k) {
-        const std::size_t i = tilt.place[static_cast<std::size_t>(k)];
-        tilt.sd[k] = wide * estimate.parameters[i].laplace_sd;
-        tilt.mean[k] = theta[static_cast<Index>(i)] - tilt.slope[k] * tilt.sd[k] * tilt.sd[k];
-    }
-    return tilt;
-}
-
-estimator::EstimateOptions with_tilt(estimator::EstimateOptions options, const Parameters& parameters,
-                                     const Tilt& tilt) {
-    if (tilt.empty()) return options;
-    estimator::JointNormalPrior prior;
-    for (const std::size_t i : tilt.place)
-        prior.names.push_back(parameters[i].name);
-    prior.mean = tilt.mean;
-    prior.covariance = tilt.sd.cwiseAbs2().asDiagonal();
-    options.joint_priors.push_back(std::move(prior));
-    return options;
-}
-
-/// Takes the tilt out of what the estimate says of itself.
-void take_out(const Parameters& parameters, const Tilt& tilt, Estimate& estimate) {
-    double added = 0.0;
-    for (std::size_t k = 0; k < tilt.place.size(); ++k) {
-        const std::size_t i = tilt.place[k];
-        const auto at = static_cast<Index>(k);
-        const double x = estimate.parameters[i].value;
-        const double z = (x - tilt.mean[at]) / tilt.sd[at];
-        added += 0.5 * z * z + std::log(tilt.sd[at]) + 0.5 * std::log(2.0 * std::numbers::pi) -
-                 ln_scale_slope(parameters[i], x);
-    }
-    estimate.objective -= added;
-    estimate.log_integral += added;
-}
-
-/// The same residuals, begun where an estimate has ended.
-std::vector<orbits::ShootingResidual> begun_at(const ProblemResiduals& residuals, const Estimate& estimate) {
-    std::vector<orbits::ShootingResidual> result;
-    for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
-        const std::size_t at = first_shooting(residuals) + i;
-        result.push_back(residuals.shooting[i]->with(residuals.shooting[i]->matching(), estimate.active[at],
-                                                     estimate.latents[at], estimated_theta(estimate)));
-    }
-    return result;
-}
-
-Estimate again(const Parameters& parameters, const ProblemResiduals& residuals, const Estimate& before,
-               const std::vector<estimator::DerivedQuantity>& derived, const estimator::EstimateOptions& options) {
-    const std::vector<orbits::ShootingResidual> begun = begun_at(residuals, before);
-    std::vector<const estimator::Residual*> all = residuals.all();
-    for (std::size_t i = 0; i < begun.size(); ++i)
-        all[first_shooting(residuals) + i] = &begun[i];
-    Parameters moved = parameters;
-    for (std::size_t i = 0; i < moved.size(); ++i)
-        moved[i].start = before.parameters[i].value;
-    Estimate found = estimator::estimate(moved, all, derived, options);
-    found.iterations += before.iterations;
-    found.evaluations += before.evaluations;
-    return found;
+    return slope;
 }
 
 double largest_move(const Estimate& before, const Estimate& now) {
@@ -218,22 +126,22 @@ Estimate estimate_with_noise(const Parameters& parameters, const ProblemResidual
     quick.verdict = false;
     Estimate found = estimator::estimate(parameters, residuals.all(), {}, quick);
     if (is_over(found)) return found;
-    Tilt tilt;
+    estimator::Tilt tilt;
     const auto goes_on = [&] {
         return found.status == estimator::EstimateStatus::converged && finds_noise(residuals, found);
     };
     double move = 1.0;
     for (int round = 0; round < most_rounds && goes_on() && move > still; ++round) {
-        tilt = tilt_at(parameters, residuals, found);
-        Estimate next = again(parameters, residuals, found, {}, with_tilt(quick, parameters, tilt));
+        tilt = estimator::Tilt(parameters, found, information_slope(parameters, residuals, found));
+        Estimate next = estimator::estimate_again(parameters, residuals.all(), {}, tilt.with(quick), found);
         move = largest_move(found, next);
         found = std::move(next);
         if (is_over(found)) return found;
     }
     if (!finds_noise(residuals, found)) tilt = {};
     const bool settled = !goes_on() || move <= still;
-    found = again(parameters, residuals, found, derived, with_tilt(options, parameters, tilt));
-    take_out(parameters, tilt, found);
+    found = estimator::estimate_again(parameters, residuals.all(), derived, tilt.with(options), found);
+    tilt.take_out(parameters, found);
     if (!settled && found.status == estimator::EstimateStatus::converged) {
         found.status = estimator::EstimateStatus::no_progress;
         found.message += fmt::format("; the information of the states still moves parameters by {:.2g} sds", move);

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "estimator/exploration/bias.hpp"
 #include "estimator/exploration/multi_start.hpp"
 #include "identification/stages/noise_estimate.hpp"
 #include "identification/starts/series_start.hpp"
@@ -62,6 +63,21 @@ SeriesStart searched_series(StageInput& input, const std::vector<estimator::Free
     return search_series_start(input.problem, input.options, input.setup, parameters, search);
 }
 
+namespace {
+
+/// Records drawn anew for the bias of an estimate: two pairs tell it to a tenth of a sd.
+constexpr std::size_t bias_pairs = 2;
+
+/// Whether courses on sections fold within the errors of their readings, which gives parameters a bias.
+bool any_folds(const ProblemResiduals& residuals, const estimator::Estimate& estimate) {
+    for (std::size_t i = 0; i < residuals.shooting.size() && estimate.status == estimator::EstimateStatus::converged;
+         ++i)
+        if (residuals.shooting[i]->folds(estimate.active[residuals.first_shooting() + i])) return true;
+    return false;
+}
+
+}  // namespace
+
 estimator::Estimate affordable_estimate(const StageInput& input, const SeriesStart& start,
                                         const std::vector<estimator::FreeParameter>& parameters,
                                         const ProblemResiduals& residuals, estimator::EstimateOptions options) {
@@ -78,6 +94,9 @@ estimator::Estimate affordable_estimate(const StageInput& input, const SeriesSta
     estimator::Estimate estimate = has_process_noise(residuals)
                                        ? estimate_with_noise(parameters, residuals, input.setup.derived, options)
                                        : estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
+    if (any_folds(residuals, estimate))
+        estimate = estimator::unbiased(parameters, residuals.all(), input.setup.derived, options, estimate, bias_pairs,
+                                       {estimator::ErrorDraw::parametric, input.options.seed, false});
     if (spent && estimate.status == estimator::EstimateStatus::interrupted) {
         estimate.status = estimator::EstimateStatus::iteration_limit;
         estimate.message = "given up: no start explains the readings, and more steps would cost too much";

@@ -79,7 +79,7 @@ orbits::ShootingOptions shooting_options(const IdentificationProblem& problem, s
 SeriesStart nodes_at(const ProblemResiduals& residuals, const estimator::Estimate& estimate) {
     SeriesStart start;
     start.theta = estimated_theta(estimate);
-    const std::size_t first = (residuals.cycles ? 1 : 0) + residuals.series.size();
+    const std::size_t first = residuals.first_shooting();
     for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
         const orbits::ShootingResidual& residual = *residuals.shooting[i];
         const auto& latents = estimate.latents.at(first + i);

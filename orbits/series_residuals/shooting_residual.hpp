@@ -148,6 +148,11 @@ public:
     [[nodiscard]] double noise(const estimator::ActiveSet& active) const {
         return active.memory.front()[reading_noise];
     }
+    /// Whether courses fold within the errors of readings: sections with noise, matched exactly. See exact_matching().
+    [[nodiscard]] bool folds(const estimator::ActiveSet& active) const {
+        return matching_.kind == Continuity::Kind::exact && !matching_.constraints && !sampled() &&
+               noise(active) > noisy_readings;
+    }
     [[nodiscard]] const Series& series() const { return data_->series; }
     [[nodiscard]] const ShootingPlan& plan() const { return data_->plan; }
     /// States that were followed at the start; none where readings tell them.

@@ -81,7 +81,7 @@ py::dict estimated_dict(const Estimated& value) {
     return py::dict("value"_a = value.value, "unit"_a = value.unit, "start"_a = value.start, "sd"_a = value.sd,
                     "interval95"_a = std::vector<double>{value.lower95, value.upper95},
                     "interval_method"_a = name(value.interval_method), "at_bound"_a = name(value.at_bound),
-                    "laplace_sd"_a = value.laplace_sd, "data_share"_a = value.data_share);
+                    "laplace_sd"_a = value.laplace_sd, "data_share"_a = value.data_share, "bias"_a = value.bias);
 }
 
 py::dict estimated_dicts(const std::vector<Estimated>& values) {
@@ -132,6 +132,7 @@ void bind_estimated(py::module_& module) {
             "at_bound", [](const Estimated& one) { return name(one.at_bound); }, "\"\", \"lower\" or \"upper\"")
         .def_readonly("laplace_sd", &Estimated::laplace_sd, "sd if errors were independent")
         .def_readonly("data_share", &Estimated::data_share, "of the information; 0: the prior alone decides")
+        .def_readonly("bias", &Estimated::bias, "what was taken off: the minimum of the objective is about value + bias")
         .def("__repr__", [](const Estimated& one) { return shown(one.name, one.value, one.sd, one.unit); });
     py::class_<EstimatedScale>(module, "EstimatedScale", "Error scale of a group of records.")
         .def_readonly("group", &EstimatedScale::group)

@@ -1,0 +1,147 @@
+#include "estimator/exploration/bias.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
+
+#include "estimator/exploration/replication.hpp"
+#include "estimator/exploration/tilt.hpp"
+#include "estimator/interface/not_finite.hpp"
+#include "estimator/problem/tie.hpp"
+#include "models/arithmetic/cholesky_factor.hpp"
+
+namespace orbid::estimator {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+VectorXd values_of(const Estimate& estimate) {
+    VectorXd theta(std::ssize(estimate.parameters));
+    for (Index i = 0; i < theta.size(); ++i)
+        theta[i] = estimate.parameters[static_cast<std::size_t>(i)].value;
+    return theta;
+}
+
+/// Parameters that move by themselves and are determined.
+std::vector<Index> movable(const std::vector<FreeParameter>& parameters, const Estimate& estimate) {
+    std::vector<Index> found;
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const Estimated& one = estimate.parameters[i];
+        if (parameters[i].tied_to.empty() && !is_held(parameters[i]) && one.sd > 0.0 && one.laplace_sd > 0.0 &&
+            std::isfinite(one.sd) && one.at_bound == BoundSide::none)
+            found.push_back(static_cast<Index>(i));
+    }
+    return found;
+}
+
+/// By the curvature of the objective over these parameters, all else following; natural units.
+MatrixXd laplace_covariance(const Estimate& estimate, const std::vector<Index>& which) {
+    MatrixXd covariance = estimate.covariance(which, which);
+    VectorXd ratio(std::ssize(which));
+    for (Index k = 0; k < ratio.size(); ++k) {
+        const Estimated& one = estimate.parameters[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])];
+        ratio[k] = one.laplace_sd / one.sd;
+    }
+    covariance.array() *= (ratio * ratio.transpose()).array();
+    return covariance;
+}
+
+}  // namespace
+
+SimulatedBias simulated_bias(const std::vector<FreeParameter>& parameters,
+                             const std::vector<const Residual*>& residuals, const EstimateOptions& options,
+                             const Estimate& estimate, std::size_t pairs, const RecordDrawOptions& asked) {
+    const RecordDraws draws(residuals, estimate, asked);
+    const std::vector<DerivedQuantity> none;
+    const Replication replication(parameters, residuals, none, options, estimate, draws, asked.seed);
+    std::vector<BootstrapReplicate> replicates(2 * pairs);
+    tbb::parallel_for(
+        std::size_t{0}, replicates.size(),
+        [&](std::size_t i) {
+            if (options.interrupted && options.interrupted()) return;
+            replicates[i] = replication.run(i / 2, i % 2 == 0 ? Mirror::none : Mirror::opposite);
+        },
+        tbb::simple_partitioner{});
+    const VectorXd theta = values_of(estimate);
+    SimulatedBias result;
+    std::vector<VectorXd> means;
+    for (std::size_t i = 0; i < replicates.size(); i += 2)
+        if (replicates[i].status == EstimateStatus::converged && replicates[i + 1].status == EstimateStatus::converged)
+            means.emplace_back(0.5 * (replicates[i].values + replicates[i + 1].values).head(theta.size()) - theta);
+    result.pairs = means.size();
+    const auto count = static_cast<double>(means.size());
+    result.value = VectorXd::Constant(theta.size(), means.empty() ? nan_value : 0.0);
+    for (const VectorXd& one : means)
+        result.value += one / count;
+    result.error = VectorXd::Constant(theta.size(), means.size() < 2 ? nan_value : 0.0);
+    if (means.size() < 2) return result;
+    for (const VectorXd& one : means)
+        result.error += (one - result.value).cwiseAbs2();
+    result.error = (result.error / (count * (count - 1.0))).cwiseSqrt();
+    return result;
+}
+
+Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vector<const Residual*>& residuals,
+                  const std::vector<DerivedQuantity>& derived, const EstimateOptions& options, const Estimate& estimate,
+                  std::size_t pairs, const RecordDrawOptions& draws) {
+    constexpr int most_rounds = 5;
+    constexpr double near = 0.01;  // sds
+    if (estimate.status != EstimateStatus::converged) return estimate;
+    const std::vector<Index> which = movable(parameters, estimate);
+    if (which.empty()) return estimate;
+    const auto unchanged = [&](const std::string& why) {
+        Estimate same = estimate;
+        same.message += "; the bias is not taken off: " + why;
+        return same;
+    };
+    const models::CholeskyFactor information(laplace_covariance(estimate, which));
+    if (!information.positive_definite()) return unchanged("the covariance of the parameters is singular");
+    const SimulatedBias bias = simulated_bias(parameters, residuals, options, estimate, pairs, draws);
+    if (options.interrupted && options.interrupted()) return estimate;
+    if (bias.pairs == 0) return unchanged("no pair of records drawn anew gave two estimates");
+    for (const Index i : which) {
+        const Estimated& one = estimate.parameters[static_cast<std::size_t>(i)];
+        if (std::abs(bias.value[i]) > largest_bias * one.sd)
+            return unchanged(fmt::format("that of {} is {:.2g} sds", one.name, bias.value[i] / one.sd));
+    }
+    const VectorXd first = values_of(estimate)(which);
+    VectorXd rest = bias.value(which);  // what the minimum still lies too high
+    VectorXd slope = VectorXd::Constant(std::ssize(parameters), nan_value);
+    slope(which).setZero();
+    EstimateOptions quick = options;
+    quick.verdict = false;
+    Estimate now = estimate;
+    Tilt tilt;
+    for (int round = 0; round < most_rounds; ++round) {
+        slope(which) += information.solve(rest);
+        tilt = Tilt(parameters, now, slope);
+        now = estimate_again(parameters, residuals, {}, tilt.with(quick), now);
+        if (now.status == EstimateStatus::interrupted) return estimate;
+        if (now.status != EstimateStatus::converged) return unchanged(now.message);
+        rest = values_of(now)(which) - first + bias.value(which);
+        double left = 0.0;
+        for (Index k = 0; k < rest.size(); ++k)
+            left = std::max(left,
+                            std::abs(rest[k]) /
+                                estimate.parameters[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])].sd);
+        if (left < near) break;
+    }
+    Estimate result = estimate_again(parameters, residuals, derived, tilt.with(options), now);
+    if (result.status != EstimateStatus::converged)
+        return result.status == EstimateStatus::interrupted ? estimate : unchanged(result.message);
+    tilt.take_out(parameters, result);
+    result.tilt = tilt.prior();
+    for (const Index i : which)
+        result.parameters[static_cast<std::size_t>(i)].bias =
+            values_of(estimate)[i] - result.parameters[static_cast<std::size_t>(i)].value;
+    return result;
+}
+
+}  // namespace orbid::estimator
