@@ -139,6 +139,12 @@ std::string remarks(const estimator::Estimate& estimate, const ResultContext& co
                                100.0 * x.data_share);
         }
     }
+    std::vector<std::string> biases;
+    for (const auto& x : estimate.parameters)
+        if (x.bias != 0.0) biases.push_back(fmt::format("{} {:+.2f}", x.name, x.bias / x.sd));
+    if (!biases.empty())
+        out += fmt::format("  Taken off, the bias that errors of readings give by the course, in sds: {}.\n",
+                           fmt::join(biases, ", "));
     for (const auto& scale : estimate.scales) {
         if (std::isfinite(scale.lag1) && scale.effective_count < 0.5 * static_cast<double>(scale.count))
             out += fmt::format("  {}: {} autocorrelated records are worth about {:.0f} independent values.\n",

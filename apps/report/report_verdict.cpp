@@ -142,7 +142,7 @@ void add_directions(const Json& result, ReportRemarks& remarks) {
 
 void add_parameters(const Json& result, ReportRemarks& remarks) {
     if (block_at(result, "parameters").empty()) return;
-    std::vector<std::string> by_prior;
+    std::vector<std::string> by_prior, biases;
     double worst = 0.0;
     std::string worst_name;
     std::size_t known = 0;
@@ -155,6 +155,8 @@ void add_parameters(const Json& result, ReportRemarks& remarks) {
             // Less than half of the information from the data: the prior says more.
             if (number_at(entry, "data_share") < 0.5 && !entry.contains("held")) by_prior.push_back(name);
             const double sd = number_at(entry, "sd");
+            if (const double bias = number_at(entry, "bias"); std::abs(bias) > 0.0)
+                biases.push_back(fmt::format("{} {:+.2f}", name, bias / sd));
             const double deviates = (number_at(entry, "value") - number_at(entry, "reference")) / sd;
             if (!std::isfinite(deviates)) continue;
             ++known;
@@ -165,6 +167,9 @@ void add_parameters(const Json& result, ReportRemarks& remarks) {
         }
     }
     if (!by_prior.empty()) remarks.caution(fmt::format("Of {} the prior says more than the data.", listed(by_prior)));
+    if (!biases.empty())
+        remarks.good(fmt::format("The bias that errors of readings give by the course was taken off: {} sds.",
+                                 fmt::join(biases, ", ")));
     if (known == 0) return;
     const std::string words = fmt::format("Against {}, the largest deviation is {:.2g} standard deviations ({}).",
                                           grouped_count(known, "known value"), worst, worst_name);

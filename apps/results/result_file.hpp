@@ -92,7 +92,8 @@ struct ResultContext {
 /// Content of result.json, format orbid-result/1. Undefined numbers are null.
 ///
 /// Beside the keys of the contract: `model` with `evaluated`, where the job writes its equations; per parameter
-/// `laplace_sd`, `data_share`, `hessian_ratio`, and `held`, the reason, where no record determines it; per error scale
+/// `laplace_sd`, `data_share`, `bias` (what was taken off), `hessian_ratio`, and `held`, the reason, where no record
+/// determines it; per error scale
 /// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
 /// `covariance`, `covariances`, `log_evidence`, `stages`, `matching`, `criticism`, `diagnostics`, `posterior`,
 /// `verdict` (see trust_verdict()), `profile`, `marginals`, `optima`, `rounds`, `history`, `steady_states` (of

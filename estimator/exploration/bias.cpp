@@ -110,6 +110,9 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
         const Estimated& one = estimate.parameters[static_cast<std::size_t>(i)];
         if (std::abs(bias.value[i]) > largest_bias * one.sd)
             return unchanged(fmt::format("that of {} is {:.2g} sds", one.name, bias.value[i] / one.sd));
+        const FreeParameter& free = parameters[static_cast<std::size_t>(i)];
+        if (const double to = one.value - bias.value[i]; !(to > free.lower && to < free.upper))
+            return unchanged(fmt::format("{} would lie beyond its bound", one.name));
     }
     const VectorXd first = values_of(estimate)(which);
     VectorXd rest = bias.value(which);  // what the minimum still lies too high

@@ -47,6 +47,13 @@ public:
                         : boost::math::quantile(boost::math::complement(boost::math::students_t(degrees_), p));
     }
     [[nodiscard]] bool normal() const { return !(degrees_ < infinity); }
+    /// Far out, the place beyond which a twentieth lies of what lies beyond x: the tails are like exp(-x^2 / 2) and
+    /// (1 + x^2 / nu)^(-nu / 2).
+    [[nodiscard]] double twentieth_beyond(double x) const {
+        if (normal()) return x + std::log(20.0) / x;
+        const double share = degrees_ / x / x;
+        return x * std::sqrt((1.0 + share) * std::pow(20.0, 2.0 / degrees_) - share);
+    }
 
 private:
     double degrees_ = infinity;
@@ -54,9 +61,9 @@ private:
 
 /// b with P(x < b | bottom < x < top) = 0.95.
 double upper_limit(const Tail& tail, double bottom, double top) {
-    // Far out the normal density falls like exp(-bottom x), and its tail would underflow.
-    constexpr double far = 30.0;
-    if (tail.normal() && bottom > far) return std::min(bottom + std::log(20.0) / bottom, top);
+    // Where the tail would underflow.
+    constexpr double least = 1e-190;
+    if (bottom > 1.0 && tail.above(bottom) < least) return std::min(tail.twentieth_beyond(bottom), top);
     const double p = 0.05 * tail.above(bottom) + 0.95 * tail.above(top);
     return std::clamp(tail.with_above(p), bottom, top);
 }

@@ -186,6 +186,12 @@ TEST_CASE("what cannot be corrected stays as it is, and says why", "[estimator][
         CHECK_THAT(same.message, ContainsSubstring("no pair of records drawn anew gave two estimates"));
         CHECK(std::isnan(circle.bias(0).value[0]));
     }
+    SECTION("a bias beyond a bound") {
+        circle.parameters[0].lower = circle.estimate.parameters[0].value - 0.002;
+        const Estimate same = circle.unbiased(2);
+        CHECK_THAT(same.message, ContainsSubstring("the bias is not taken off: radius would lie beyond its bound"));
+        CHECK_FALSE(same.tilt);
+    }
     SECTION("a parameter that is held") {
         circle.parameters[0].lower = circle.parameters[0].upper = circle.parameters[0].start;
         circle.estimate = estimator::estimate(circle.parameters, {&circle.residual}, {}, circle.options);

@@ -56,6 +56,20 @@ TEST_CASE("far beyond a bound the limit is that of an exponential rate", "[estim
     }
 }
 
+TEST_CASE("where tails underflow the limit is that of their power or rate", "[estimator][bounds]") {
+    // Student's t with two degrees of freedom falls like x^-2: a twentieth lies beyond sqrt(20) x.
+    const auto heavy = estimator::bounded_interval(-1e100, 1.0, 4.302652729911275, 0.0, infinity);
+    CHECK_THAT(heavy.upper, WithinRel((std::sqrt(20.0) - 1.0) * 1e100, 1e-6));
+    // With 50, quantile 2.00856, (1 + x^2 / 50)^-25 is 1e-190 at x = 4.5e4; nearer its tail is a number.
+    const auto many = estimator::bounded_interval(-1e6, 1.0, 2.0085591121007611, 0.0, infinity);
+    CHECK_THAT(many.upper, WithinRel((std::pow(20.0, 1.0 / 50.0) - 1.0) * 1e6, 1e-3));
+    // Both ways meet: where the tail of t with 100 is 1e-190, x = 1e3 or so.
+    for (const double x : {600.0, 700.0, 800.0, 900.0, 1000.0}) {
+        const auto here = estimator::bounded_interval(-x, 1.0, 1.9839715184496334, 0.0, infinity);
+        CHECK_THAT(here.upper + x, WithinRel(std::sqrt((x * x + 100.0) * std::pow(20.0, 0.02) - 100.0), 1e-4));
+    }
+}
+
 TEST_CASE("Student's t with two degrees of freedom is cut by its closed form", "[estimator][bounds]") {
     // F(x) = 1/2 + x / (2 sqrt(2 + x^2)),  F^-1(p) = (2 p - 1) / sqrt(2 p (1 - p)).
     const auto below = [](double x) { return 0.5 + 0.5 * x / std::sqrt(2.0 + x * x); };
