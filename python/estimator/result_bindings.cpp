@@ -132,7 +132,8 @@ void bind_estimated(py::module_& module) {
             "at_bound", [](const Estimated& one) { return name(one.at_bound); }, "\"\", \"lower\" or \"upper\"")
         .def_readonly("laplace_sd", &Estimated::laplace_sd, "sd if errors were independent")
         .def_readonly("data_share", &Estimated::data_share, "of the information; 0: the prior alone decides")
-        .def_readonly("bias", &Estimated::bias, "what was taken off: the minimum of the objective is about value + bias")
+        .def_readonly("bias", &Estimated::bias,
+                      "what was taken off: the minimum of the objective is about value + bias")
         .def("__repr__", [](const Estimated& one) { return shown(one.name, one.value, one.sd, one.unit); });
     py::class_<EstimatedScale>(module, "EstimatedScale", "Error scale of a group of records.")
         .def_readonly("group", &EstimatedScale::group)

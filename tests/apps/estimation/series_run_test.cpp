@@ -1,6 +1,7 @@
 // Sampled data from simulation to estimate, and jobs of several experiments.
 
 #include <cmath>
+#include <filesystem>
 #include <sstream>
 
 #include "tests/apps/program/program.hpp"
@@ -52,6 +53,7 @@ TEST_CASE("sampled data are simulated, stored, fitted and predicted", "[apps][ru
     const json& delta = result["parameters"]["delta"];
     CHECK(std::abs(delta["value"].get<double>() - 0.3) < 4.0 * delta["sd"].get<double>());
     CHECK(delta["sd"].get<double>() < 0.01);
+    CHECK(delta["bias"] == 0.0);
     // 2 x 401 readings of each coordinate: the sd of their error is known to 1 / sqrt(2 * 802) = 2.5 %; four of that.
     CHECK_THAT(result["errors"]["series.x"]["sd"].get<double>(), WithinRel(0.01, 0.1));
     CHECK_THAT(result["errors"]["series.x_dot"]["sd"].get<double>(), WithinRel(0.02, 0.1));
@@ -84,6 +86,44 @@ TEST_CASE("sampled data are simulated, stored, fitted and predicted", "[apps][ru
         CAPTURE(name);
         CHECK((after.at(name) == before.at(name)));
     }
+}
+
+TEST_CASE(
+    "noise that gives a chaotic course a bias: it is taken off, the same for any number of threads and when going on",
+    "[apps][run]") {
+    const TemporaryFolder folder;
+    const json job = json::parse(R"({
+      "model": { "name": "parametric_pendulum", "parameters": { "l": 0.317, "k1": 1e-3, "k2": 4.85e-4, "k3": 1.9e-4 } },
+      "seed": 8,
+      "data": { "name": "run", "simulate": { "sections": 300, "transient": 20,
+                                             "noise": { "phi": 0.0314, "phi_dot": 0.1465 } } },
+      "estimate": { "parameters": { "l": { "start": 0.35 } },
+                    "residuals": [ { "type": "series", "interval": "auto" } ] },
+      "output": { "series": "none" } })");
+    const Path file = write_job(folder.path() / "job.json", job);
+    const Path out = folder.path() / "out";
+    const Outcome run = orbid_with({"run", file, "--out", out, "--threads", "1"});
+    CAPTURE(run.out, run.error);
+    REQUIRE(run.code == 0);
+    const json result = read_json(out / "result.json");
+    const json& l = result["parameters"]["l"];
+    const double sd = l["sd"];
+    // Half a sd in this record, 0.14 in the mean of eight.
+    CHECK(l["bias"].get<double>() / sd < -0.3);
+    CHECK(l["bias"].get<double>() / sd > -0.8);
+    CHECK(std::abs(l["value"].get<double>() - 0.317) < 3.0 * sd);
+    CHECK_THAT(run.out,
+               ContainsSubstring("Taken off, the bias that errors of readings give by the course, in sds: l -0."));
+    CHECK_THAT(orbid::apps::read_whole_file(out / "report.html"),
+               ContainsSubstring("The bias that errors of readings give by the course was taken off: l -0."));
+    // Going on from what is kept, and with more threads.
+    const std::string bytes = orbid::apps::read_whole_file(out / "result.json");
+    std::filesystem::remove(out / "result.json");
+    REQUIRE(orbid_with({"run", file, "--out", out, "--threads", "1"}).code == 0);
+    CHECK(orbid::apps::read_whole_file(out / "result.json") == bytes);
+    const Path other = folder.path() / "other";
+    REQUIRE(orbid_with({"run", file, "--out", other, "--threads", "4"}).code == 0);
+    CHECK(orbid::apps::read_whole_file(other / "result.json") == bytes);
 }
 
 TEST_CASE("a segment that is not there is refused by name", "[apps][data]") {
