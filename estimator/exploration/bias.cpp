@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <variant>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -29,13 +30,20 @@ VectorXd values_of(const Estimate& estimate) {
     return theta;
 }
 
-/// Parameters that move by themselves and are determined.
-std::vector<Index> movable(const std::vector<FreeParameter>& parameters, const Estimate& estimate) {
+/// Parameters that move by themselves, are determined, and have no prior beside which a tilt could stand.
+std::vector<Index> movable(const std::vector<FreeParameter>& parameters, const EstimateOptions& options,
+                           const Estimate& estimate) {
+    const auto has_prior = [&](const FreeParameter& parameter) {
+        return !std::holds_alternative<FlatPrior>(parameter.prior) ||
+               std::any_of(options.joint_priors.begin(), options.joint_priors.end(), [&](const auto& joint) {
+                   return std::find(joint.names.begin(), joint.names.end(), parameter.name) != joint.names.end();
+               });
+    };
     std::vector<Index> found;
     for (std::size_t i = 0; i < parameters.size(); ++i) {
         const Estimated& one = estimate.parameters[i];
-        if (parameters[i].tied_to.empty() && !is_held(parameters[i]) && one.sd > 0.0 && one.laplace_sd > 0.0 &&
-            std::isfinite(one.sd) && one.at_bound == BoundSide::none)
+        if (parameters[i].tied_to.empty() && !is_held(parameters[i]) && !has_prior(parameters[i]) && one.sd > 0.0 &&
+            one.laplace_sd > 0.0 && std::isfinite(one.sd) && one.at_bound == BoundSide::none)
             found.push_back(static_cast<Index>(i));
     }
     return found;
@@ -94,7 +102,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
     constexpr int most_rounds = 5;
     constexpr double near = 0.01;  // sds
     if (estimate.status != EstimateStatus::converged) return estimate;
-    const std::vector<Index> which = movable(parameters, estimate);
+    const std::vector<Index> which = movable(parameters, options, estimate);
     if (which.empty()) return estimate;
     const auto unchanged = [&](const std::string& why) {
         Estimate same = estimate;

@@ -38,6 +38,8 @@ inline constexpr double largest_bias = 2.0;
 /// objective gets the slope (Estimate::tilt) that moves its minimum by the bias, to a hundredth of a sd; the values of
 /// the estimate's objective and likelihood are without it.
 ///
+/// Parameters with a prior of their own or a joint one are left where they are; others follow them.
+///
 /// An estimate that has not converged, without a pair, or with a bias beyond `largest_bias` is returned as it is; the
 /// latter two say so in `message`.
 [[nodiscard]] Estimate unbiased(const std::vector<FreeParameter>& parameters,

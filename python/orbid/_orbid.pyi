@@ -223,6 +223,7 @@ class Estimated:
     at_bound: Final[str]
     laplace_sd: Final[float]
     data_share: Final[float]
+    bias: Final[float]
 
 class EstimatedScale:
     """Error scale of a group of records."""

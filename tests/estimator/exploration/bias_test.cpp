@@ -186,6 +186,14 @@ TEST_CASE("what cannot be corrected stays as it is, and says why", "[estimator][
         CHECK_THAT(same.message, ContainsSubstring("no pair of records drawn anew gave two estimates"));
         CHECK(std::isnan(circle.bias(0).value[0]));
     }
+    SECTION("a parameter with a prior") {
+        circle.parameters[0].prior = estimator::NormalPrior{2.0, 1.0};
+        CHECK_FALSE(circle.unbiased(2).tilt);
+        circle.parameters[0].prior = estimator::FlatPrior{};
+        circle.options.joint_priors.push_back(
+            {{"radius"}, Eigen::VectorXd::Constant(1, 2.0), Eigen::MatrixXd::Ones(1, 1)});
+        CHECK_FALSE(circle.unbiased(2).tilt);
+    }
     SECTION("a bias beyond a bound") {
         circle.parameters[0].lower = circle.estimate.parameters[0].value - 0.002;
         const Estimate same = circle.unbiased(2);
