@@ -94,6 +94,7 @@ estimator::Estimate affordable_estimate(const StageInput& input, const SeriesSta
     estimator::Estimate estimate = has_process_noise(residuals)
                                        ? estimate_with_noise(parameters, residuals, input.setup.derived, options)
                                        : estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
+    options.interrupted = interrupted;  // what it costs is known, and the limit above is not for several threads
     if (any_folds(residuals, estimate))
         estimate = estimator::unbiased(parameters, residuals.all(), input.setup.derived, options, estimate, bias_pairs,
                                        {estimator::ErrorDraw::parametric, input.options.seed, false});
