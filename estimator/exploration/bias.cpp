@@ -109,10 +109,16 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
         same.message += "; the bias is not taken off: " + why;
         return same;
     };
+    const auto stopped = [&] {
+        Estimate half = estimate;
+        half.status = EstimateStatus::interrupted;
+        half.message = "interrupted before the bias was taken off";
+        return half;
+    };
     const models::CholeskyFactor information(laplace_covariance(estimate, which));
     if (!information.positive_definite()) return unchanged("the covariance of the parameters is singular");
     const SimulatedBias bias = simulated_bias(parameters, residuals, options, estimate, pairs, draws);
-    if (options.interrupted && options.interrupted()) return estimate;
+    if (options.interrupted && options.interrupted()) return stopped();
     if (bias.pairs == 0) return unchanged("no pair of records drawn anew gave two estimates");
     for (const Index i : which) {
         const Estimated& one = estimate.parameters[static_cast<std::size_t>(i)];
@@ -134,7 +140,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
         slope(which) += information.solve(rest);
         tilt = Tilt(parameters, now, slope);
         now = estimate_again(parameters, residuals, {}, tilt.with(quick), now);
-        if (now.status == EstimateStatus::interrupted) return estimate;
+        if (now.status == EstimateStatus::interrupted) return stopped();
         if (now.status != EstimateStatus::converged) return unchanged(now.message);
         rest = values_of(now)(which) - first + bias.value(which);
         double left = 0.0;
@@ -146,7 +152,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
     }
     Estimate result = estimate_again(parameters, residuals, derived, tilt.with(options), now);
     if (result.status != EstimateStatus::converged)
-        return result.status == EstimateStatus::interrupted ? estimate : unchanged(result.message);
+        return result.status == EstimateStatus::interrupted ? stopped() : unchanged(result.message);
     tilt.take_out(parameters, result);
     result.tilt = tilt.prior();
     for (const Index i : which)

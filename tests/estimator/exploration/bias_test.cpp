@@ -194,6 +194,12 @@ TEST_CASE("what cannot be corrected stays as it is, and says why", "[estimator][
             {{"radius"}, Eigen::VectorXd::Constant(1, 2.0), Eigen::MatrixXd::Ones(1, 1)});
         CHECK_FALSE(circle.unbiased(2).tilt);
     }
+    SECTION("a run that is stopped") {
+        circle.options.interrupted = [] { return true; };
+        const Estimate same = circle.unbiased(2);
+        CHECK(same.status == EstimateStatus::interrupted);
+        CHECK(same.parameters[0].bias == 0.0);
+    }
     SECTION("a bias beyond a bound") {
         circle.parameters[0].lower = circle.estimate.parameters[0].value - 0.002;
         const Estimate same = circle.unbiased(2);
