@@ -93,11 +93,10 @@ struct ResultContext {
 ///
 /// Beside the keys of the contract: `model` with `evaluated`, where the job writes its equations; per parameter
 /// `laplace_sd`, `data_share`, `bias` (what was taken off), `hessian_ratio`, and `held`, the reason, where no record
-/// determines it; per error scale
-/// `distribution` and its parameters, `rms`, `lag1`, `correlation_records`, `effective_count`, `estimated`;
-/// `covariance`, `covariances`, `log_evidence`, `stages`, `matching`, `criticism`, `diagnostics`, `posterior`,
-/// `verdict` (see trust_verdict()), `profile`, `marginals`, `optima`, `rounds`, `history`, `steady_states` (of
-/// waveforms). An interval is null as a whole when one of its ends is undefined.
+/// determines it; per error scale `distribution` and its parameters, `rms`, `lag1`, `correlation_records`,
+/// `effective_count`, `estimated`; `covariance`, `covariances`, `log_evidence`, `stages`, `matching`, `criticism`,
+/// `diagnostics`, `posterior`, `verdict` (see trust_verdict()), `profile`, `marginals`, `optima`, `rounds`, `history`,
+/// `steady_states` (of waveforms). An interval is null as a whole when one of its ends is undefined.
 [[nodiscard]] std::string result_text(const estimator::Estimate& estimate, const ResultContext& context);
 
 /// A cell of a table in text: quoted when it holds a comma, a quote or a line end (RFC 4180).

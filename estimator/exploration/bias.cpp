@@ -23,6 +23,20 @@ using Eigen::VectorXd;
 
 namespace {
 
+/// What estimates from new records leave, and what is left of the bias, in sds: below what two pairs tell, 0.1. The
+/// rest would cost several times as many steps, for courses fold and single steps are short.
+constexpr double rough_step = 0.01;
+constexpr double near = 0.05;
+
+/// One estimate uses all processors, and several at once the memory of several.
+bool is_long(const Estimate& estimate) {
+    constexpr std::size_t many = 20'000;
+    std::size_t blocks = 0;
+    for (const ActiveSet& set : estimate.active)
+        blocks += set.layout.size();
+    return blocks > many;
+}
+
 VectorXd values_of(const Estimate& estimate) {
     VectorXd theta(std::ssize(estimate.parameters));
     for (Index i = 0; i < theta.size(); ++i)
@@ -68,15 +82,19 @@ SimulatedBias simulated_bias(const std::vector<FreeParameter>& parameters,
                              const Estimate& estimate, std::size_t pairs, const RecordDrawOptions& asked) {
     const RecordDraws draws(residuals, estimate, asked);
     const std::vector<DerivedQuantity> none;
-    const Replication replication(parameters, residuals, none, options, estimate, draws, asked.seed);
+    EstimateOptions rough = options;
+    rough.step_tolerance = std::max(options.step_tolerance, rough_step);
+    const Replication replication(parameters, residuals, none, rough, estimate, draws, asked.seed);
     std::vector<BootstrapReplicate> replicates(2 * pairs);
-    tbb::parallel_for(
-        std::size_t{0}, replicates.size(),
-        [&](std::size_t i) {
-            if (options.interrupted && options.interrupted()) return;
-            replicates[i] = replication.run(i / 2, i % 2 == 0 ? Mirror::none : Mirror::opposite);
-        },
-        tbb::simple_partitioner{});
+    const auto run = [&](std::size_t i) {
+        if (options.interrupted && options.interrupted()) return;
+        replicates[i] = replication.run(i / 2, i % 2 == 0 ? Mirror::none : Mirror::opposite);
+    };
+    if (is_long(estimate))
+        for (std::size_t i = 0; i < replicates.size(); ++i)
+            run(i);
+    else
+        tbb::parallel_for(std::size_t{0}, replicates.size(), run, tbb::simple_partitioner{});
     const VectorXd theta = values_of(estimate);
     SimulatedBias result;
     std::vector<VectorXd> means;
@@ -100,7 +118,6 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
                   const std::vector<DerivedQuantity>& derived, const EstimateOptions& options, const Estimate& estimate,
                   std::size_t pairs, const RecordDrawOptions& draws) {
     constexpr int most_rounds = 5;
-    constexpr double near = 0.01;  // sds
     if (estimate.status != EstimateStatus::converged) return estimate;
     const std::vector<Index> which = movable(parameters, options, estimate);
     if (which.empty()) return estimate;
@@ -134,6 +151,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
     slope(which).setZero();
     EstimateOptions quick = options;
     quick.verdict = false;
+    quick.step_tolerance = std::max(options.step_tolerance, rough_step);
     Estimate now = estimate;
     Tilt tilt;
     for (int round = 0; round < most_rounds; ++round) {

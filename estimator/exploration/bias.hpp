@@ -20,7 +20,8 @@ struct SimulatedBias {
 
 /// Records are drawn in pairs whose errors have opposite signs. In the mean of a pair all that is linear in the errors
 /// cancels, so that few pairs tell the bias: of a chaotic series a single one to 0.15 sds. Estimates begin at the given
-/// one (Replication). The same result for any number of threads.
+/// one (Replication), and end where a hundredth of a sd is left. They run at once, of long series one after the other.
+/// The same result for any number of threads.
 /// @throws std::invalid_argument, models::DataError as RecordDraws and estimate() do.
 /// Source: antithetic resampling, P. Hall, Biometrika 76:713-724 (1989).
 [[nodiscard]] SimulatedBias simulated_bias(const std::vector<FreeParameter>& parameters,
@@ -35,7 +36,7 @@ inline constexpr double largest_bias = 2.0;
 ///
 /// States that follow a chaotic record are nonlinear in its errors, and there are the more of them the longer the
 /// record is. The bias they give to parameters does not become smaller with the length, while sds do. Here the
-/// objective gets the slope (Estimate::tilt) that moves its minimum by the bias, to a hundredth of a sd; the values of
+/// objective gets the slope (Estimate::tilt) that moves its minimum by the bias, to a twentieth of a sd; the values of
 /// the estimate's objective and likelihood are without it.
 ///
 /// Parameters with a prior of their own or a joint one are left where they are; others follow them.

@@ -63,7 +63,7 @@ TEST_CASE("where tails underflow the limit is that of their power or rate", "[es
     // With 50, quantile 2.00856, (1 + x^2 / 50)^-25 is 1e-190 at x = 4.5e4; nearer its tail is a number.
     const auto many = estimator::bounded_interval(-1e6, 1.0, 2.0085591121007611, 0.0, infinity);
     CHECK_THAT(many.upper, WithinRel((std::pow(20.0, 1.0 / 50.0) - 1.0) * 1e6, 1e-3));
-    // Both ways meet: where the tail of t with 100 is 1e-190, x = 1e3 or so.
+    // Both ways meet: where the tail of t with 100 is 1e-190, x = 794.
     for (const double x : {600.0, 700.0, 800.0, 900.0, 1000.0}) {
         const auto here = estimator::bounded_interval(-x, 1.0, 1.9839715184496334, 0.0, infinity);
         CHECK_THAT(here.upper + x, WithinRel(std::sqrt((x * x + 100.0) * std::pow(20.0, 0.02) - 100.0), 1e-4));
