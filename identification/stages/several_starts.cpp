@@ -11,6 +11,7 @@
 #include "estimator/exploration/bias.hpp"
 #include "estimator/exploration/multi_start.hpp"
 #include "identification/stages/noise_estimate.hpp"
+#include "identification/starts/link_repair.hpp"
 #include "identification/starts/series_start.hpp"
 
 namespace orbid::identification {
@@ -95,9 +96,12 @@ estimator::Estimate affordable_estimate(const StageInput& input, const SeriesSta
                                        ? estimate_with_noise(parameters, residuals, input.setup.derived, options)
                                        : estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
     options.interrupted = interrupted;  // what it costs is known, and the limit above is not for several threads
-    if (any_folds(residuals, estimate))
+    if (any_folds(residuals, estimate)) {
+        estimate = with_mended_links(input.problem, input.setup, parameters, residuals, options, std::move(estimate),
+                                     [&](const std::string& line) { input.observer.detail(line); });
         estimate = estimator::unbiased(parameters, residuals.all(), input.setup.derived, options, estimate, bias_pairs,
                                        {estimator::ErrorDraw::parametric, input.options.seed, false});
+    }
     if (spent && estimate.status == estimator::EstimateStatus::interrupted) {
         estimate.status = estimator::EstimateStatus::iteration_limit;
         estimate.message = "given up: no start explains the readings, and more steps would cost too much";

@@ -12,7 +12,7 @@
 
 #include <tbb/parallel_for.h>
 
-#include "estimator/estimate/estimate.hpp"
+#include "identification/starts/piece_estimate.hpp"
 #include "orbits/records/data_error.hpp"
 #include "orbits/records/reading_noise.hpp"
 
@@ -145,54 +145,17 @@ Index half_of(const IdentificationProblem& problem, const SeriesStart& start, co
     return std::clamp(static_cast<Index>(std::ceil(std::min(nodes, 1e6))), fewest, most);
 }
 
-/// Estimates a piece by itself.
-struct PieceEstimate {
-    double objective = std::numeric_limits<double>::infinity();
-    MatrixXd nodes;
-    std::uint64_t work = 0;
-};
-
-PieceEstimate piece_estimate(const IdentificationProblem& problem, const EstimateSetup& setup,
-                             const std::vector<estimator::FreeParameter>& parameters, const SeriesStart& start,
-                             const SeriesPiece& piece, const MatrixXd& nodes, estimator::EstimateOptions options,
-                             const RepairLimits& limits) {
-    PieceEstimate result;
-    std::unique_ptr<orbits::ShootingResidual> residual;
+/// A piece with these nodes, estimated by itself.
+PieceEstimate piece_from(const IdentificationProblem& problem, const EstimateSetup& setup,
+                         const std::vector<estimator::FreeParameter>& near, const SeriesStart& start,
+                         const SeriesPiece& piece, const MatrixXd& nodes, const estimator::EstimateOptions& options,
+                         const RepairLimits& limits) {
     try {
-        residual = shooting_piece(problem, setup, start, piece, nodes, limits.flow);
+        const auto residual = shooting_piece(problem, setup, start, piece, nodes, limits.flow);
+        return piece_estimate(near, *residual, options, limits.work);
     } catch (const orbits::DataError&) {  // a piece without readings
-        return result;
+        return {};
     }
-    options.interrupted = [&, stopped = options.interrupted] {
-        return residual->work() > limits.work || (stopped && stopped());
-    };
-    const auto found = estimator::estimate(parameters, {residual.get()}, {}, options);
-    result.work = residual->work();
-    const bool whole = found.status == estimator::EstimateStatus::converged && found.active.size() == 1 &&
-                       !found.active[0].is_intermediate_stage;
-    if (!whole) return result;
-    result.objective = found.objective;
-    result.nodes.resize(nodes.rows(), nodes.cols());
-    for (Index k = 0; k < nodes.cols(); ++k)
-        result.nodes.col(k) = found.latents[0][static_cast<std::size_t>(k)];
-    return result;
-}
-
-/// Parameters at an estimate, with normal priors as wide as its sds tell, or a thousandth
-/// where they do not, a hundredth of an unfinished one.
-std::vector<estimator::FreeParameter> nearly_held(std::vector<estimator::FreeParameter> parameters,
-                                                  const estimator::Estimate& estimate) {
-    const double unknown = estimate.status == estimator::EstimateStatus::converged ? 1e-3 : 1e-2;
-    constexpr double width = 3.0;
-    for (std::size_t i = 0; i < parameters.size(); ++i) {
-        estimator::FreeParameter& one = parameters[i];
-        one.start = estimate.parameters[i].value;
-        if (!one.tied_to.empty()) continue;
-        const double most = unknown * std::max(std::abs(one.start), 1e-3 * one.typical_size);
-        const double told = width * estimate.parameters[i].laplace_sd;
-        one.prior = estimator::NormalPrior{one.start, told > 0.0 && told < most ? told : most};
-    }
-    return parameters;
 }
 
 /// Takes over what pieces that do not overlap have gained, the best ones first.
@@ -235,17 +198,10 @@ CourseRepair repaired_course(const IdentificationProblem& problem, const Estimat
                              const std::vector<estimator::FreeParameter>& parameters, const SignChoices& signs,
                              const SeriesStart& start, const estimator::Estimate& estimate,
                              const estimator::EstimateOptions& options, const RepairLimits& limits) {
-    constexpr int most_steps = 40;
     CourseRepair repair;
     repair.start = start;
     std::vector<Crossing> list = crossings(problem, signs, start, estimate);
     const std::vector<estimator::FreeParameter> near = nearly_held(parameters, estimate);
-    estimator::EstimateOptions rough;
-    rough.variance = estimator::Variance::ml;
-    rough.verdict = false;
-    rough.maximum_iterations = most_steps;
-    rough.step_tolerance = 1e-2;
-    rough.interrupted = options.interrupted;
     tbb::parallel_for(std::size_t{0}, list.size(), [&](std::size_t i) {
         Crossing& one = list[i];
         const MatrixXd& all = start.nodes[one.place][one.segment];
@@ -254,10 +210,10 @@ CourseRepair repaired_course(const IdentificationProblem& problem, const Estimat
         const Index end = std::min(all.cols(), one.node + 1 + half);
         const SeriesPiece piece{one.place, one.segment, one.first};
         MatrixXd nodes = all.middleCols(one.first, end - one.first);
-        const PieceEstimate same = piece_estimate(problem, setup, near, start, piece, nodes, rough, limits);
+        const PieceEstimate same = piece_from(problem, setup, near, start, piece, nodes, options, limits);
         const Index after = end - (one.node + 1);
         nodes.rightCols(after) = (one.signs.asDiagonal() * nodes.rightCols(after)).eval();
-        const PieceEstimate other = piece_estimate(problem, setup, near, start, piece, nodes, rough, limits);
+        const PieceEstimate other = piece_from(problem, setup, near, start, piece, nodes, options, limits);
         one.work = same.work + other.work;
         if (other.nodes.size() == 0) return;
         one.gain = same.objective - other.objective;

@@ -25,7 +25,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
-SECONDS, BYTES = 2.0, 10**9
+SLOWNESS = float(os.environ.get("ORBID_TEST_SLOWNESS", "1"))  # of a program with sanitizers
+SECONDS, BYTES = 2.0 * SLOWNESS, 10**9
 REFUSED, HANDLED = (2, 3), (0, 1, 2, 3)
 ACTING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]")
 
@@ -334,7 +335,7 @@ def picture_is_clean(path):
 
 
 def limited():
-    resource.setrlimit(resource.RLIMIT_CPU, (30, 30))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(30 * SLOWNESS), int(30 * SLOWNESS)))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
@@ -348,7 +349,7 @@ def tried(program, case):
         with open(folder.parent / (folder.name + ".said"), "w+b") as said:
             run = subprocess.Popen([program, *case.command, *words], stdin=subprocess.DEVNULL, stdout=said,
                                    stderr=subprocess.STDOUT, env=environment, cwd=folder, preexec_fn=limited)
-            signal_at = 60
+            signal_at = 60 * SLOWNESS
             try:
                 pid, status, usage = wait(run, signal_at)
             finally:

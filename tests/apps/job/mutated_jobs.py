@@ -14,6 +14,7 @@ out or misspelt, and a share of the rest.
 import argparse
 import copy
 import json
+import os
 import random
 import re
 import resource
@@ -28,7 +29,7 @@ root = Path(__file__).resolve().parents[3]
 corpus = root / "tests/apps/jobs"
 answers = (0, 2, 3)
 sanitizers = ("Sanitizer:", "runtime error:")
-seconds_at_most = 60
+seconds_at_most = 60 * float(os.environ.get("ORBID_TEST_SLOWNESS", "1"))  # of a program with sanitizers
 bytes_at_most = 8 << 30
 sample_size = 330  # of keys further within, of other values, and of pairs of changes
 

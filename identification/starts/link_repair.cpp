@@ -1,0 +1,283 @@
+#include "identification/starts/link_repair.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include "estimator/exploration/tilt.hpp"
+#include "estimator/interface/random_stream.hpp"
+#include "identification/problem/estimated_values.hpp"
+#include "identification/starts/piece_estimate.hpp"
+#include "identification/starts/series_nodes.hpp"
+#include "orbits/records/data_error.hpp"
+
+namespace orbid::identification {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Missed links of a segment that are looked at together, with nodes to either side.
+struct Gap {
+    std::size_t place = 0, segment = 0;
+    std::size_t begin = 0;       ///< block of the segment's first node
+    std::vector<Index> missed;   ///< nodes whose intervals miss the next one, ascending
+    Index first = 0, count = 0;  ///< nodes of the piece
+    MatrixXd nodes;              ///< of the piece, mended; empty: it was not
+    std::size_t left = 0;        ///< intervals that still miss
+};
+
+constexpr Index margin = 4;               ///< nodes of a piece before and after those that miss
+constexpr std::size_t most_together = 5;  ///< missed links in one piece; more are no matter of single states
+constexpr std::size_t most_gaps = 128;
+constexpr std::size_t drawn = 16, most_candidates = 3;
+
+bool is_exact(const orbits::ShootingResidual& residual) {
+    return residual.matching().kind == orbits::Continuity::Kind::exact && !residual.matching().constraints;
+}
+
+/// Blocks whose intervals miss the next node by more than three sds of matching.
+std::vector<std::size_t> missed_links(const orbits::ShootingResidual& residual, const estimator::ActiveSet& active,
+                                      const std::vector<estimator::BlockValue>& values) {
+    const VectorXd limit = 3.0 * residual.matching_sd(active);
+    const auto& nodes = residual.plan().nodes;
+    std::vector<std::size_t> missed;
+    for (std::size_t b = 0; b + 1 < nodes.size(); ++b) {
+        if (!nodes[b].linked || !active.layout[b].active || !active.layout[b + 1].active) continue;
+        if (values[b].e.size() < limit.size()) continue;
+        if ((values[b].e.tail(limit.size()).array().abs() > limit.array()).any()) missed.push_back(b);
+    }
+    return missed;
+}
+
+void add_gaps(const orbits::ShootingResidual& residual, const std::vector<std::size_t>& missed, std::size_t place,
+              std::vector<Gap>& gaps) {
+    const auto& nodes = residual.plan().nodes;
+    const std::size_t before = gaps.size();
+    for (const std::size_t b : missed) {
+        std::size_t begin = b;
+        while (begin > 0 && nodes[begin - 1].segment == nodes[b].segment)
+            --begin;
+        const auto node = static_cast<Index>(b - begin);
+        const bool near =
+            gaps.size() > before && gaps.back().begin == begin && node <= gaps.back().missed.back() + margin;
+        if (!near) {
+            Gap& gap = gaps.emplace_back();
+            gap.place = place;
+            gap.begin = begin;
+            const auto& fitted = residual.fitted();
+            gap.segment =
+                static_cast<std::size_t>(std::find(fitted.begin(), fitted.end(), nodes[b].segment) - fitted.begin());
+        }
+        gaps.back().missed.push_back(node);
+    }
+    std::erase_if(gaps, [](const Gap& gap) { return gap.missed.size() > most_together; });
+    for (std::size_t g = before; g < gaps.size(); ++g) {
+        Gap& gap = gaps[g];
+        Index all = 0;
+        while (gap.begin + static_cast<std::size_t>(all) < nodes.size() &&
+               nodes[gap.begin + static_cast<std::size_t>(all)].segment == nodes[gap.begin].segment)
+            ++all;
+        gap.first = std::max<Index>(0, gap.missed.front() - margin);
+        gap.count = std::min(all, gap.missed.back() + margin + 2) - gap.first;
+    }
+}
+
+/// The search within the pieces of one estimate.
+class Search {
+public:
+    Search(const IdentificationProblem& problem, const EstimateSetup& setup,
+           const std::vector<estimator::FreeParameter>& parameters, const ProblemResiduals& residuals,
+           const estimator::EstimateOptions& options, const estimator::Estimate& estimate)
+        : problem_(problem),
+          setup_(setup),
+          residuals_(residuals),
+          options_(options),
+          estimate_(estimate),
+          near_(nearly_held(parameters, estimate)),
+          start_(nodes_at(residuals, estimate)) {
+        for (const auto& residual : residuals.shooting) {
+            std::vector<double>& sds = start_.reading_sds.emplace_back();
+            for (std::size_t g = 0; g < residual->reading_groups(); ++g) {
+                const auto* scale = scale_of(estimate, residual->groups()[g].name);
+                sds.push_back(scale != nullptr && !scale->factor ? scale->value : 0.0);
+            }
+        }
+    }
+
+    /// Nodes of the piece that meet, or nearly so.
+    void mend(Gap& gap) const {
+        const MatrixXd now = nodes_of(gap).middleCols(gap.first, gap.count);
+        std::vector<MatrixXd> trials{now, now};
+        for (Index k = 0; k < gap.count; ++k)
+            for (const auto& reading : readings_at(gap, gap.first + k))
+                trials[1](reading.coordinate, k) = reading.value;
+        MatrixXd all = now;
+        for (const Index node : gap.missed) {
+            const std::vector<MatrixXd> states = candidates(gap, node);
+            const Index k = node - gap.first;
+            for (const MatrixXd& pair : states) {
+                trials.push_back(now);
+                trials.back().middleCols(k, 2) = pair;
+            }
+            if (!states.empty()) all.middleCols(k, 2) = states.front();
+        }
+        if (gap.missed.size() > 1) trials.push_back(all);
+        const orbits::Continuity tight = normal(residuals_.shooting[gap.place]->matching_sd(active(gap)));
+        gap.left = gap.missed.size();
+        double best = std::numeric_limits<double>::infinity();
+        for (const MatrixXd& nodes : trials) {
+            const PieceEstimate one = estimated({gap.place, gap.segment, gap.first}, nodes, tight);
+            if (one.nodes.size() == 0 || one.missed > gap.left) continue;
+            if (one.missed == gap.left && (!(one.objective < best) || gap.nodes.size() == 0)) continue;
+            best = one.objective;
+            gap.left = one.missed;
+            gap.nodes = one.nodes;
+        }
+    }
+
+private:
+    struct Reading {
+        Index coordinate;
+        double value, sd;
+    };
+
+    [[nodiscard]] const MatrixXd& nodes_of(const Gap& gap) const { return start_.nodes[gap.place][gap.segment]; }
+    [[nodiscard]] const estimator::ActiveSet& active(const Gap& gap) const {
+        return estimate_.active[residuals_.first_shooting() + gap.place];
+    }
+
+    static orbits::Continuity normal(const VectorXd& sd) {
+        orbits::Continuity matching;
+        matching.kind = orbits::Continuity::Kind::normal;
+        matching.sd = sd;
+        return matching;
+    }
+
+    /// At the node itself.
+    [[nodiscard]] std::vector<Reading> readings_at(const Gap& gap, Index node) const {
+        const orbits::ShootingResidual& residual = *residuals_.shooting[gap.place];
+        std::vector<Reading> found;
+        for (const orbits::PlannedReading& one : residual.plan().of(gap.begin + static_cast<std::size_t>(node))) {
+            const auto* scale = scale_of(estimate_, residual.groups()[static_cast<std::size_t>(one.group)].name);
+            if (one.instant == -1 && scale != nullptr)
+                found.push_back({one.coordinate, one.value, scale->value * one.deviation});
+        }
+        return found;
+    }
+
+    [[nodiscard]] PieceEstimate estimated(const SeriesPiece& piece, const MatrixXd& nodes,
+                                          const orbits::Continuity& matching) const {
+        try {
+            const auto exact = shooting_piece(problem_, setup_, start_, piece, nodes);
+            return piece_estimate(near_, exact->with(matching, exact->initial_set(), {}), options_);
+        } catch (const orbits::DataError&) {  // a piece without readings
+            return {};
+        }
+    }
+
+    /// States of a node and the next one that explain the readings of both, shape (n, 2), the best first.
+    [[nodiscard]] std::vector<MatrixXd> candidates(const Gap& gap, Index node) const {
+        constexpr double apart = 0.3, wider = 1.5;
+        const std::vector<Reading> here = readings_at(gap, node), next = readings_at(gap, node + 1);
+        const orbits::ShootingResidual& residual = *residuals_.shooting[gap.place];
+        VectorXd sd = residual.noise(active(gap)) * residual.range();
+        for (const Reading& one : here)
+            sd[one.coordinate] = one.sd;
+        MatrixXd middle = nodes_of(gap).middleCols(node, 2);
+        for (const Reading& one : here)
+            middle(one.coordinate, 0) = one.value;
+        for (const Reading& one : next)
+            middle(one.coordinate, 1) = one.value;
+        const std::uint64_t number = gap.begin + static_cast<std::size_t>(node);
+        estimator::RandomStream random(gap.place, estimator::RandomPurpose::multi_start, number);
+        std::vector<PieceEstimate> found;
+        for (std::size_t i = 0; i < drawn; ++i) {
+            MatrixXd nodes = middle;
+            for (const Reading& one : here)
+                nodes(one.coordinate, 0) += (i == 0 ? 0.0 : wider * one.sd * random.normal());
+            PieceEstimate one = estimated({gap.place, gap.segment, node}, nodes, normal(sd));
+            if (one.nodes.size() == 0) continue;
+            const bool known = std::any_of(found.begin(), found.end(), [&](const PieceEstimate& other) {
+                return ((one.nodes - other.nodes).col(0).cwiseQuotient(sd)).cwiseAbs().maxCoeff() < apart;
+            });
+            if (!known) found.push_back(std::move(one));
+        }
+        std::stable_sort(found.begin(), found.end(),
+                         [](const PieceEstimate& a, const PieceEstimate& b) { return a.objective < b.objective; });
+        if (found.size() > most_candidates) found.resize(most_candidates);
+        std::vector<MatrixXd> states;
+        for (PieceEstimate& one : found)
+            states.push_back(std::move(one.nodes));
+        return states;
+    }
+
+    const IdentificationProblem& problem_;
+    const EstimateSetup& setup_;
+    const ProblemResiduals& residuals_;
+    const estimator::EstimateOptions& options_;
+    const estimator::Estimate& estimate_;
+    std::vector<estimator::FreeParameter> near_;
+    SeriesStart start_;
+};
+
+}  // namespace
+
+estimator::Estimate with_mended_links(const IdentificationProblem& problem, const EstimateSetup& setup,
+                                      const std::vector<estimator::FreeParameter>& parameters,
+                                      const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
+                                      estimator::Estimate estimate,
+                                      const std::function<void(const std::string& line)>& told) {
+    constexpr int most_rounds = 3;
+    constexpr double most_missed = 0.3;  // of the links of a record
+    const std::size_t first = residuals.first_shooting();
+    for (int round = 0; round < most_rounds; ++round) {
+        if (estimate.status != estimator::EstimateStatus::converged) return estimate;
+        std::vector<Gap> gaps;
+        std::size_t all = 0;
+        for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
+            const orbits::ShootingResidual& residual = *residuals.shooting[i];
+            if (!is_exact(residual)) continue;
+            const auto missed = missed_links(residual, estimate.active[first + i], estimate.residuals[first + i]);
+            if (static_cast<double>(missed.size()) > most_missed * static_cast<double>(residual.layout().size()))
+                continue;
+            all += missed.size();
+            add_gaps(residual, missed, i, gaps);
+        }
+        if (gaps.empty()) return estimate;
+        if (gaps.size() > most_gaps) gaps.resize(most_gaps);
+        const Search search(problem, setup, parameters, residuals, options, estimate);
+        tbb::parallel_for(std::size_t{0}, gaps.size(), [&](std::size_t g) { search.mend(gaps[g]); });
+        estimator::Estimate begun = estimate;
+        std::size_t mended = 0;
+        for (const Gap& gap : gaps) {
+            for (Index k = 0; k < gap.nodes.cols(); ++k)
+                begun.latents[first + gap.place][gap.begin + static_cast<std::size_t>(gap.first + k)] =
+                    gap.nodes.col(k);
+            mended +=
+                gap.missed.size() - std::min(gap.missed.size(), gap.nodes.size() == 0 ? gap.missed.size() : gap.left);
+        }
+        if (mended == 0) return estimate;
+        estimator::Estimate found =
+            estimator::estimate_again(parameters, residuals.all(), setup.derived, options, begun);
+        const bool better =
+            found.status == estimator::EstimateStatus::converged && found.objective < estimate.objective;
+        if (told)
+            told(fmt::format(
+                "{} of {} intervals that missed the next node have a state that meets it: {}", mended, all,
+                better ? fmt::format("the objective decreases by {:.3g}", estimate.objective - found.objective)
+                       : fmt::format("no better, {}", found.message)));
+        if (!better) return estimate;
+        estimate = std::move(found);
+    }
+    return estimate;
+}
+
+}  // namespace orbid::identification
