@@ -11,6 +11,7 @@ target_link_libraries(orbid_mpi PRIVATE orbid_flags orbid_library_flags orbid_wa
 target_compile_definitions(orbid_mpi PRIVATE ORBID_VERSION="${PROJECT_VERSION}")
 target_link_options(orbid_mpi PRIVATE LINKER:--no-undefined LINKER:--as-needed)
 set_target_properties(orbid_mpi PROPERTIES
+  BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH_USE_LINK_PATH ON  # see cmake/program.cmake
   PREFIX "" OUTPUT_NAME orbid-mpi LIBRARY_OUTPUT_DIRECTORY ${CMAKE_LIBRARY_OUTPUT_DIRECTORY}/orbid)
 if(NOT ORBID_SYNTAX_ONLY)
   # As where it is installed: the program finds it from the start.

@@ -7,7 +7,14 @@ endif()
 
 # Relative: the tree works wherever it is put.
 file(RELATIVE_PATH library_folder /${CMAKE_INSTALL_BINDIR} /${CMAKE_INSTALL_LIBDIR})
-set_target_properties(orbid PROPERTIES INSTALL_RPATH "$ORIGIN/${library_folder}")
+set(library_folders "$ORIGIN/../lib" "$ORIGIN/${library_folder}")
+list(REMOVE_DUPLICATES library_folders)
+set_target_properties(orbid PROPERTIES INSTALL_RPATH "${library_folders}")
+# A path of the build's own CMake ends by a colon: an empty entry, which is the current folder, where a stranger may have
+# put a library.
+if(NOT CMAKE_SKIP_INSTALL_RPATH)
+  set_target_properties(orbid PROPERTIES BUILD_WITH_INSTALL_RPATH ON)
+endif()
 install(TARGETS orbid RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
 
 set(texts ${CMAKE_BINARY_DIR}/texts)

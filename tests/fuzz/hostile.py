@@ -296,12 +296,23 @@ def links(source):
                    str(folder / "out")], (2,), ("run",), "out")
 
 
+def libraries():
+    """In the current folder, which the loader is not to search."""
+    def make(folder):
+        for name in ("libstdc++.so.6", "libc.so.6", "libz.so.1", "libtbb.so.12", "libhdf5.so", "libmpi.so.40"):
+            write(folder, name, "no library")
+        write(folder, "swing.csv", table())
+        return [write(folder, "job.json", pendulum())]
+    yield Case("libraries in the current folder", make, (0,))
+
+
 def cases(source, whole):
     runs = list(texts_in_runs(source))
     yield from texts_in_jobs(source)
     yield from (runs if whole else runs[::4])
     yield from limits()
     yield from devices()
+    yield from libraries()
     yield from links(source)
 
 
