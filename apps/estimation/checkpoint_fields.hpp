@@ -148,13 +148,13 @@ inline void fields(apps::Archive& archive, ActiveSet& value) {
 
 inline void fields(apps::Archive& archive, Estimate& value) {
     auto& [status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
-           correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
-           effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
-           evaluations, rounds, remaining, history, active, tilt] = value;
+           laplace_covariance, correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust,
+           hessian_ratio, effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom,
+           iterations, evaluations, rounds, remaining, history, active, tilt] = value;
     archive(status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
-            correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust, hessian_ratio,
-            effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom, iterations,
-            evaluations, rounds, remaining, history, active, tilt);
+            laplace_covariance, correlation, singular_values, null_directions, sloppy_directions, trust_normal,
+            distrust, hessian_ratio, effective_count, counts, objective, log_likelihood, log_integral,
+            degrees_of_freedom, iterations, evaluations, rounds, remaining, history, active, tilt);
 }
 
 inline void fields(apps::Archive& archive, StartedRun& value) {

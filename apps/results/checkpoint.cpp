@@ -17,7 +17,7 @@ namespace {
 
 constexpr const char* file_name = "checkpoint.bin";
 // Changes with what is kept in a checkpoint: values of another layout must not be taken for ours.
-constexpr std::string_view checkpoint_format = "orbid-checkpoint/9";
+constexpr std::string_view checkpoint_format = "orbid-checkpoint/10";
 // The hash of all that follows stands first: what a disk lost or somebody changed is not taken up. Then the
 // fingerprint, and pairs of a name and its bytes until the end.
 constexpr std::size_t hash_length = 64;

@@ -42,11 +42,12 @@ void fill_parameters(const Problem& problem, const State& state, const Minimum& 
         estimate.parameters.push_back(std::move(result));
     }
     estimate.covariance = slope.asDiagonal() * posterior.covariance() * slope.asDiagonal();
+    estimate.laplace_covariance = slope.asDiagonal() * posterior.laplace() * slope.asDiagonal();
     estimate.correlation.resize(q, q);
     for (Eigen::Index i = 0; i < q; ++i)
         for (Eigen::Index j = 0; j < q; ++j) {
             const bool both = known[static_cast<std::size_t>(i)] && known[static_cast<std::size_t>(j)];
-            if (!both) estimate.covariance(i, j) = nan_value;
+            if (!both) estimate.covariance(i, j) = estimate.laplace_covariance(i, j) = nan_value;
             const Eigen::MatrixXd& c = posterior.covariance();
             estimate.correlation(i, j) = !both ? nan_value : i == j ? 1.0 : c(i, j) / std::sqrt(c(i, i) * c(j, j));
         }

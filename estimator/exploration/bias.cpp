@@ -18,7 +18,6 @@
 namespace orbid::estimator {
 
 using Eigen::Index;
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
@@ -61,18 +60,6 @@ std::vector<Index> movable(const std::vector<FreeParameter>& parameters, const E
             found.push_back(static_cast<Index>(i));
     }
     return found;
-}
-
-/// By the curvature of the objective over these parameters, all else following; natural units.
-MatrixXd laplace_covariance(const Estimate& estimate, const std::vector<Index>& which) {
-    MatrixXd covariance = estimate.covariance(which, which);
-    VectorXd ratio(std::ssize(which));
-    for (Index k = 0; k < ratio.size(); ++k) {
-        const Estimated& one = estimate.parameters[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])];
-        ratio[k] = one.laplace_sd / one.sd;
-    }
-    covariance.array() *= (ratio * ratio.transpose()).array();
-    return covariance;
 }
 
 }  // namespace
@@ -132,7 +119,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
         half.message = "interrupted before the bias was taken off";
         return half;
     };
-    const models::CholeskyFactor information(laplace_covariance(estimate, which));
+    const models::CholeskyFactor information(estimate.laplace_covariance(which, which));
     if (!information.positive_definite()) return unchanged("the covariance of the parameters is singular");
     const SimulatedBias bias = simulated_bias(parameters, residuals, options, estimate, pairs, draws);
     if (options.interrupted && options.interrupted()) return stopped();
@@ -167,6 +154,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
                             std::abs(rest[k]) /
                                 estimate.parameters[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])].sd);
         if (left < near) break;
+        if (!(left < largest_bias)) return unchanged("the estimate does not follow the slope");
     }
     Estimate result = estimate_again(parameters, residuals, derived, tilt.with(options), now);
     if (result.status != EstimateStatus::converged)

@@ -150,8 +150,9 @@ struct Estimate {
     std::vector<std::vector<Eigen::VectorXd>> latent_sds;
     std::vector<std::vector<BlockValue>> residuals;  ///< per residual, per block, at the estimate (e only)
     Eigen::MatrixXd covariance;                      ///< of theta in natural units, consistent with the sds reported
-    Eigen::MatrixXd correlation;                     ///< shape (parameters, parameters); nan rows where undetermined
-    Eigen::VectorXd singular_values;                 ///< of the scaled sensitivity matrix of the data, descending
+    Eigen::MatrixXd laplace_covariance;  ///< the same by the curvature of the objective, consistent with laplace_sd
+    Eigen::MatrixXd correlation;         ///< shape (parameters, parameters); nan rows where undetermined
+    Eigen::VectorXd singular_values;     ///< of the scaled sensitivity matrix of the data, descending
     std::vector<NullDirection> null_directions;
     std::vector<SloppyDirection> sloppy_directions;
     bool trust_normal = true;  ///< false: use profile likelihood, nested Laplace or sampling for intervals

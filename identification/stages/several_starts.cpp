@@ -69,10 +69,10 @@ namespace {
 /// Records drawn anew for the bias of an estimate: two pairs tell it to a tenth of a sd.
 constexpr std::size_t bias_pairs = 2;
 
-/// Whether courses on sections fold within the errors of their readings, which gives parameters a bias.
+/// Whether courses on sections fold within the errors of their readings, which gives parameters a bias, and leaves links
+/// on wrong branches.
 bool any_folds(const ProblemResiduals& residuals, const estimator::Estimate& estimate) {
-    for (std::size_t i = 0; i < residuals.shooting.size() && estimate.status == estimator::EstimateStatus::converged;
-         ++i)
+    for (std::size_t i = 0; i < residuals.shooting.size() && !estimate.active.empty(); ++i)
         if (residuals.shooting[i]->folds(estimate.active[residuals.first_shooting() + i])) return true;
     return false;
 }

@@ -1,6 +1,7 @@
 #include "identification/starts/link_repair.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -34,10 +35,18 @@ struct Gap {
     std::size_t left = 0;        ///< intervals that still miss
 };
 
-constexpr Index margin = 4;               ///< nodes of a piece before and after those that miss
-constexpr std::size_t most_together = 5;  ///< missed links in one piece; more are no matter of single states
+constexpr Index margin = 4;                ///< nodes of a piece before and after those that miss
+constexpr std::size_t most_together = 12;  ///< missed links in one piece; more are no matter of single states
 constexpr std::size_t most_gaps = 128;
-constexpr std::size_t drawn = 16, most_candidates = 3;
+constexpr std::size_t most_candidates = 3;
+/// States drawn from the error ball of a node, by round: what one round leaves is harder.
+constexpr std::array<std::size_t, 3> drawn_states{8, 32, 32};
+
+/// At a minimum, or after all its steps.
+bool has_ended(const estimator::Estimate& estimate) {
+    return estimate.status == estimator::EstimateStatus::converged ||
+           estimate.status == estimator::EstimateStatus::iteration_limit;
+}
 
 bool is_exact(const orbits::ShootingResidual& residual) {
     return residual.matching().kind == orbits::Continuity::Kind::exact && !residual.matching().constraints;
@@ -95,12 +104,13 @@ class Search {
 public:
     Search(const IdentificationProblem& problem, const EstimateSetup& setup,
            const std::vector<estimator::FreeParameter>& parameters, const ProblemResiduals& residuals,
-           const estimator::EstimateOptions& options, const estimator::Estimate& estimate)
+           const estimator::EstimateOptions& options, const estimator::Estimate& estimate, std::size_t drawn)
         : problem_(problem),
           setup_(setup),
           residuals_(residuals),
           options_(options),
           estimate_(estimate),
+          drawn_(drawn),
           near_(nearly_held(parameters, estimate)),
           start_(nodes_at(residuals, estimate)) {
         for (const auto& residual : residuals.shooting) {
@@ -188,9 +198,8 @@ private:
         constexpr double apart = 0.3, wider = 1.5;
         const std::vector<Reading> here = readings_at(gap, node), next = readings_at(gap, node + 1);
         const orbits::ShootingResidual& residual = *residuals_.shooting[gap.place];
-        VectorXd sd = residual.noise(active(gap)) * residual.range();
-        for (const Reading& one : here)
-            sd[one.coordinate] = one.sd;
+        // Also of coordinates that a section makes exact.
+        const VectorXd sd = residual.noise(active(gap)) * residual.range();
         MatrixXd middle = nodes_of(gap).middleCols(node, 2);
         for (const Reading& one : here)
             middle(one.coordinate, 0) = one.value;
@@ -199,7 +208,7 @@ private:
         const std::uint64_t number = gap.begin + static_cast<std::size_t>(node);
         estimator::RandomStream random(gap.place, estimator::RandomPurpose::multi_start, number);
         std::vector<PieceEstimate> found;
-        for (std::size_t i = 0; i < drawn; ++i) {
+        for (std::size_t i = 0; i < drawn_; ++i) {
             MatrixXd nodes = middle;
             for (const Reading& one : here)
                 nodes(one.coordinate, 0) += (i == 0 ? 0.0 : wider * one.sd * random.normal());
@@ -224,6 +233,7 @@ private:
     const ProblemResiduals& residuals_;
     const estimator::EstimateOptions& options_;
     const estimator::Estimate& estimate_;
+    std::size_t drawn_;
     std::vector<estimator::FreeParameter> near_;
     SeriesStart start_;
 };
@@ -235,16 +245,15 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
                                       const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
                                       estimator::Estimate estimate,
                                       const std::function<void(const std::string& line)>& told) {
-    constexpr int most_rounds = 3;
     constexpr double most_missed = 0.3;  // of the links of a record
     const std::size_t first = residuals.first_shooting();
-    for (int round = 0; round < most_rounds; ++round) {
-        if (estimate.status != estimator::EstimateStatus::converged) return estimate;
+    for (const std::size_t states : drawn_states) {
+        if (!has_ended(estimate)) return estimate;
         std::vector<Gap> gaps;
         std::size_t all = 0;
         for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
             const orbits::ShootingResidual& residual = *residuals.shooting[i];
-            if (!is_exact(residual)) continue;
+            if (!is_exact(residual) || estimate.active[first + i].is_intermediate_stage) continue;
             const auto missed = missed_links(residual, estimate.active[first + i], estimate.residuals[first + i]);
             if (static_cast<double>(missed.size()) > most_missed * static_cast<double>(residual.layout().size()))
                 continue;
@@ -253,7 +262,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
         }
         if (gaps.empty()) return estimate;
         if (gaps.size() > most_gaps) gaps.resize(most_gaps);
-        const Search search(problem, setup, parameters, residuals, options, estimate);
+        const Search search(problem, setup, parameters, residuals, options, estimate, states);
         tbb::parallel_for(std::size_t{0}, gaps.size(), [&](std::size_t g) { search.mend(gaps[g]); });
         estimator::Estimate begun = estimate;
         std::size_t mended = 0;
@@ -264,7 +273,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
             mended +=
                 gap.missed.size() - std::min(gap.missed.size(), gap.nodes.size() == 0 ? gap.missed.size() : gap.left);
         }
-        if (mended == 0) return estimate;
+        if (mended == 0) continue;
         estimator::Estimate found =
             estimator::estimate_again(parameters, residuals.all(), setup.derived, options, begun);
         const bool better =

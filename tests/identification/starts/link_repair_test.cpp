@@ -1,0 +1,125 @@
+// Links that ended on a wrong branch, against the course that made the record.
+
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "identification/problem/estimated_values.hpp"
+#include "identification/starts/link_repair.hpp"
+#include "identification/starts/series_nodes.hpp"
+#include "models/catalogue/registry.hpp"
+#include "orbits/simulation/virtual_experiment.hpp"
+#include "tests/catch.hpp"
+
+namespace link_repair_test {
+
+using namespace orbid;
+using namespace orbid::tests;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+const VectorXd truth{{0.25, -1.0, 1.0, 0.3}};  // delta, alpha, beta, gamma
+const Eigen::Vector2d noise{0.0145, 0.0075};   // 5e-3 of the ranges
+
+/// Sections of Duffing's chaotic oscillator. Errors of readings grow up to two hundredfold in a period.
+struct Record {
+    identification::IdentificationProblem problem;
+    MatrixXd course;  ///< states at the sections
+    identification::EstimateSetup setup;
+    identification::ProblemResiduals residuals;
+    estimator::EstimateOptions options;
+
+    Record() {
+        problem.system = models::make_system("duffing");
+        orbits::VirtualExperimentOptions experiment;
+        experiment.plan = orbits::SectionPlan{300, 50, {}, 0.0};
+        experiment.initial = Eigen::Vector2d(0.5, 0.0);
+        experiment.seed = 4;
+        VectorXd all = problem.system->default_parameters();
+        const std::vector<std::string> names{"delta", "alpha", "beta", "gamma"};
+        for (std::size_t i = 0; i < names.size(); ++i) {
+            all[problem.system->parameter_index(names[i])] = truth[static_cast<Index>(i)];
+            problem.parameters.push_back(
+                identification::free_parameter(*problem.system, names[i], truth[static_cast<Index>(i)]));
+        }
+        course = orbits::simulate(*problem.system, all, experiment).series.segments[0].values;
+        experiment.noise = noise;
+        problem.experiments.emplace_back();
+        problem.experiments[0].name = "run";
+        problem.experiments[0].series =
+            std::make_shared<const orbits::Series>(orbits::simulate(*problem.system, all, experiment).series);
+        problem.experiments[0].follows_model = true;
+        problem.series.emplace();
+        problem.series->data = {0};
+        problem.series->interval = 1;
+        problem = identification::completed(problem);
+        setup = identification::estimate_setup(problem, identification::fitted_labels(problem));
+    }
+
+    /// The estimate with nodes that begin at these states.
+    [[nodiscard]] estimator::Estimate estimate_from(const MatrixXd& nodes) {
+        identification::SeriesStart start;
+        start.theta = truth;
+        start.intervals = {1};
+        start.nodes = {{nodes}};
+        start.follows = true;
+        residuals = {};
+        identification::add_shooting(problem, setup, start, residuals);
+        return estimator::estimate(setup.parameters, residuals.all(), {}, options);
+    }
+
+    [[nodiscard]] std::size_t missed(const estimator::Estimate& estimate) const {
+        return residuals.shooting[0]
+            ->defect(estimate.active[0], identification::estimated_theta(estimate), estimate.latents[0])
+            .large;
+    }
+
+    [[nodiscard]] estimator::Estimate mended(const estimator::Estimate& estimate, std::string& said) const {
+        return identification::with_mended_links(problem, setup, setup.parameters, residuals, options, estimate,
+                                                 [&](const std::string& line) { said += line + "\n"; });
+    }
+};
+
+}  // namespace
+
+TEST_CASE("links on wrong branches are mended", "[identification][series]") {
+    Record record;
+    const estimator::Estimate right = record.estimate_from(record.course);
+    REQUIRE(right.status == estimator::EstimateStatus::converged);
+    REQUIRE(record.missed(right) == 0);
+    const estimator::Estimate wrong = record.estimate_from(record.problem.experiments[0].series->segments[0].values);
+    REQUIRE(wrong.status == estimator::EstimateStatus::converged);
+    REQUIRE(record.missed(wrong) >= 2);
+    CHECK(wrong.objective > right.objective + 20.0);
+    std::string said;
+    const estimator::Estimate mended = record.mended(wrong, said);
+    CHECK(mended.status == estimator::EstimateStatus::converged);
+    CHECK(record.missed(mended) == 0);
+    CHECK_THAT(said, ContainsSubstring("have a state that meets it: the objective decreases by"));
+    // The same minimum as from the course that made the record.
+    CHECK_THAT(mended.objective, WithinAbs(right.objective, 0.5));
+    for (std::size_t i = 0; i < 4; ++i) {
+        const estimator::Estimated& one = mended.parameters[i];
+        CAPTURE(one.name, one.value, one.sd);
+        CHECK(std::abs(one.value - truth[static_cast<Index>(i)]) < 4.0 * one.sd);
+        CHECK(std::abs(one.value - right.parameters[i].value) < 0.1 * one.sd);
+    }
+}
+
+TEST_CASE("a course that meets all nodes is left as it is", "[identification][series]") {
+    Record record;
+    const estimator::Estimate right = record.estimate_from(record.course);
+    REQUIRE(record.missed(right) == 0);
+    std::string said;
+    const estimator::Estimate same = record.mended(right, said);
+    CHECK(said.empty());
+    CHECK(same.objective == right.objective);
+    CHECK(same.evaluations == right.evaluations);
+}
+
+}  // namespace link_repair_test
