@@ -151,7 +151,10 @@ void judge_scales(const estimator::Estimate& estimate, const ResultContext& cont
         records += count;
         // Factors of errors that cycles share are 1 at least: there they say that the analysis' covariance holds.
         const bool as_analysed = scale.factor && scale.value == 1.0;
-        if (scale.estimated && !std::isfinite(scale.lower95) && scale.distribution == "normal" && !as_analysed)
+        // Of the coordinate that makes a section all readings are the same, and no residual is other than 0.
+        const bool without_errors = scale.rms == 0.0;
+        if (scale.estimated && !std::isfinite(scale.lower95) && scale.distribution == "normal" && !as_analysed &&
+            !without_errors)
             reasons.values.push_back(fmt::format(
                 "the error scale of {} is held at its limit; give an \"sd\" that the instrument has", scale.group));
         if (!scale.estimated && !scale.factor && scale.distribution == "normal" && scale.value > 0.0) {
