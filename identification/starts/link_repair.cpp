@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
@@ -37,15 +38,16 @@ struct Gap {
 
 constexpr Index margin = 4;                ///< nodes of a piece before and after those that miss
 constexpr std::size_t most_together = 12;  ///< missed links in one piece; more are no matter of single states
-constexpr std::size_t most_gaps = 128;
 constexpr std::size_t most_candidates = 3;
-/// States drawn from the error ball of a node, by round: what one round leaves is harder.
-constexpr std::array<std::size_t, 3> drawn_states{8, 32, 32};
+/// States drawn from the error ball of a node, and from those of a few nodes where these lead nowhere.
+constexpr std::size_t few_states = 8, many_states = 32;
+constexpr std::size_t most_gaps = 160, most_hard_gaps = 32;
 
-/// At a minimum, or after all its steps.
+/// Where a minimisation has come to, be it a minimum or not.
 bool has_ended(const estimator::Estimate& estimate) {
     return estimate.status == estimator::EstimateStatus::converged ||
-           estimate.status == estimator::EstimateStatus::iteration_limit;
+           estimate.status == estimator::EstimateStatus::iteration_limit ||
+           estimate.status == estimator::EstimateStatus::no_progress;
 }
 
 bool is_exact(const orbits::ShootingResidual& residual) {
@@ -245,9 +247,11 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
                                       const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
                                       estimator::Estimate estimate,
                                       const std::function<void(const std::string& line)>& told) {
-    constexpr double most_missed = 0.3;  // of the links of a record
+    constexpr int most_rounds = 8;
+    constexpr double most_missed = 0.5;  // of the links of a record
     const std::size_t first = residuals.first_shooting();
-    for (const std::size_t states : drawn_states) {
+    std::size_t states = few_states;
+    for (int round = 0; round < most_rounds; ++round) {
         if (!has_ended(estimate)) return estimate;
         std::vector<Gap> gaps;
         std::size_t all = 0;
@@ -261,7 +265,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
             add_gaps(residual, missed, i, gaps);
         }
         if (gaps.empty()) return estimate;
-        if (gaps.size() > most_gaps) gaps.resize(most_gaps);
+        gaps.resize(std::min(gaps.size(), states == few_states ? most_gaps : most_hard_gaps));
         const Search search(problem, setup, parameters, residuals, options, estimate, states);
         tbb::parallel_for(std::size_t{0}, gaps.size(), [&](std::size_t g) { search.mend(gaps[g]); });
         estimator::Estimate begun = estimate;
@@ -270,14 +274,21 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
             for (Index k = 0; k < gap.nodes.cols(); ++k)
                 begun.latents[first + gap.place][gap.begin + static_cast<std::size_t>(gap.first + k)] =
                     gap.nodes.col(k);
-            mended +=
-                gap.missed.size() - std::min(gap.missed.size(), gap.nodes.size() == 0 ? gap.missed.size() : gap.left);
+            mended += gap.missed.size() - gap.left;
         }
-        if (mended == 0) continue;
+        if (mended == 0 && states == many_states) return estimate;
+        if (mended == 0) {
+            states = many_states;
+            continue;
+        }
         estimator::Estimate found =
             estimator::estimate_again(parameters, residuals.all(), setup.derived, options, begun);
-        const bool better =
-            found.status == estimator::EstimateStatus::converged && found.objective < estimate.objective;
+        if (found.status == estimator::EstimateStatus::interrupted) {
+            estimate.status = found.status;
+            estimate.message = "interrupted while links that miss were looked at";
+            return estimate;
+        }
+        const bool better = has_ended(found) && found.objective < estimate.objective;
         if (told)
             told(fmt::format(
                 "{} of {} intervals that missed the next node have a state that meets it: {}", mended, all,

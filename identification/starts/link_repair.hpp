@@ -17,11 +17,11 @@ namespace orbid::identification {
 /// Errors of readings grow a hundredfold and more over some intervals of a chaotic record. There the ends of the
 /// courses from the error ball of a node fold over the next one, and a minimisation from the readings may stop on the
 /// wrong side, with a link that no error explains. So for each of these nodes the states are sought from which the
-/// model explains the readings up to the next node: from 16 states drawn from its error ball. With each of them the
-/// piece around is estimated by itself, with normal links that begin loose. Where it meets all nodes, the estimate
-/// goes on from there. Three rounds at most, as long as the objective decreases.
+/// model explains the readings up to the next node: from 8 states drawn from its error ball, or 32 where these lead
+/// nowhere. With each of them the piece around is estimated by itself, with normal links that begin loose. Where it
+/// meets all nodes, the estimate goes on from there. Eight rounds at most, as long as the objective decreases.
 ///
-/// Where many intervals miss, the model is wrong or far away, and the estimate is returned as it is.
+/// Where more than half of the intervals miss, the model is wrong or far away, and the estimate is returned as it is.
 /// @param told  what was mended, one line per round; may be empty.
 [[nodiscard]] estimator::Estimate with_mended_links(const IdentificationProblem& problem, const EstimateSetup& setup,
                                                     const std::vector<estimator::FreeParameter>& parameters,
