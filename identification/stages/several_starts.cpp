@@ -69,8 +69,8 @@ namespace {
 /// Records drawn anew for the bias of an estimate: two pairs tell it to a tenth of a sd.
 constexpr std::size_t bias_pairs = 2;
 
-/// Whether courses on sections fold within the errors of their readings, which gives parameters a bias, and leaves links
-/// on wrong branches.
+/// Whether courses on sections fold within the errors of their readings, which gives parameters a bias, and leaves
+/// links on wrong branches.
 bool any_folds(const ProblemResiduals& residuals, const estimator::Estimate& estimate) {
     for (std::size_t i = 0; i < residuals.shooting.size() && !estimate.active.empty(); ++i)
         if (residuals.shooting[i]->folds(estimate.active[residuals.first_shooting() + i])) return true;
@@ -96,17 +96,22 @@ estimator::Estimate affordable_estimate(const StageInput& input, const SeriesSta
                                        ? estimate_with_noise(parameters, residuals, input.setup.derived, options)
                                        : estimator::estimate(parameters, residuals.all(), input.setup.derived, options);
     options.interrupted = interrupted;  // what it costs is known, and the limit above is not for several threads
-    if (any_folds(residuals, estimate)) {
+    if (any_folds(residuals, estimate))
         estimate = with_mended_links(input.problem, input.setup, parameters, residuals, options, std::move(estimate),
                                      [&](const std::string& line) { input.observer.detail(line); });
-        estimate = estimator::unbiased(parameters, residuals.all(), input.setup.derived, options, estimate, bias_pairs,
-                                       {estimator::ErrorDraw::parametric, input.options.seed, false});
-    }
     if (spent && estimate.status == estimator::EstimateStatus::interrupted) {
         estimate.status = estimator::EstimateStatus::iteration_limit;
         estimate.message = "given up: no start explains the readings, and more steps would cost too much";
     }
     return estimate;
+}
+
+estimator::Estimate less_its_bias(const StageInput& input, const std::vector<estimator::FreeParameter>& parameters,
+                                  const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
+                                  estimator::Estimate estimate) {
+    if (!any_folds(residuals, estimate)) return estimate;
+    return estimator::unbiased(parameters, residuals.all(), input.setup.derived, options, estimate, bias_pairs,
+                               {estimator::ErrorDraw::parametric, input.options.seed, false});
 }
 
 }  // namespace orbid::identification

@@ -15,11 +15,18 @@ void search_starts(StageInput& input, const ProblemResiduals& residuals,
 /// The search for a start of series with nodes, see search_series_start(), told to the observer.
 [[nodiscard]] SeriesStart searched_series(StageInput& input, const std::vector<estimator::FreeParameter>& parameters);
 
-/// The estimate of a stage. After a search for a start that found nothing it ends by itself, as `iteration_limit`,
-/// where more steps would cost too much (SeriesStart::affordable).
+/// The estimate of a stage, with links mended that ended on wrong branches. After a search for a start that found
+/// nothing it ends by itself, as `iteration_limit`, where more steps would cost too much (SeriesStart::affordable).
 [[nodiscard]] estimator::Estimate affordable_estimate(const StageInput& input, const SeriesStart& start,
                                                       const std::vector<estimator::FreeParameter>& parameters,
                                                       const ProblemResiduals& residuals,
                                                       estimator::EstimateOptions options);
+
+/// The same less the bias that the folds of noisy sections give it.
+[[nodiscard]] estimator::Estimate less_its_bias(const StageInput& input,
+                                                const std::vector<estimator::FreeParameter>& parameters,
+                                                const ProblemResiduals& residuals,
+                                                const estimator::EstimateOptions& options,
+                                                estimator::Estimate estimate);
 
 }  // namespace orbid::identification

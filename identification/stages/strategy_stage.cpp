@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "identification/problem/estimated_values.hpp"
+#include "identification/stages/exact_sections.hpp"
 #include "identification/stages/harvest_stage.hpp"
 #include "identification/stages/series_doubt.hpp"
 #include "identification/stages/several_starts.hpp"
@@ -191,6 +192,13 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
         try_starts(input, memory, known, run.residuals, parameters);
     if (!known) {
         memory.estimate = affordable_estimate(input, memory.series, parameters, run.residuals, options);
+        if (auto exact = exact_sections(input, parameters, run.residuals, memory.estimate, options)) {
+            memory.series = std::move(exact->start);
+            run.residuals = std::move(exact->residuals);
+            memory.estimate = std::move(exact->estimate);
+            begin_at(memory.series.theta, parameters);
+        }
+        memory.estimate = less_its_bias(input, parameters, run.residuals, options, std::move(memory.estimate));
         // Before it is told, so that what was told is there.
         keep(input, name, memory);
     }
