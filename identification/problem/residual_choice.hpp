@@ -23,7 +23,7 @@ namespace orbid::identification {
 /// How closely the end of an interval of a series must agree with the beginning of the next.
 struct Matching {
     enum class Kind {
-        automatic,  ///< exact for an experiment that follows the model, estimated for others
+        automatic,  ///< exact for a simulated record, and for one that the model then explains; else estimated
         exact,      ///< to far below the errors of the readings
         given,      ///< normal errors of a known sd
         estimated,  ///< normal errors, their sd estimated

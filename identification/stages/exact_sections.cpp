@@ -1,6 +1,7 @@
 #include "identification/stages/exact_sections.hpp"
 
 #include <algorithm>
+#include <cstddef>
 #include <string>
 #include <utility>
 
@@ -13,32 +14,24 @@
 
 namespace orbid::identification {
 
-namespace {
-
-/// Whether sections alone are estimated whose matching is left to us, and all of them err much.
-bool may_be_exact(const StageInput& input, const ProblemResiduals& residuals, const estimator::Estimate& estimate) {
+bool may_match_exactly(const StageInput& input, const ProblemResiduals& residuals) {
     const auto& shooting = residuals.shooting;
-    if (shooting.empty() || residuals.all().size() != shooting.size() || estimate.active.size() != shooting.size() ||
+    if (shooting.empty() || residuals.all().size() != shooting.size() ||
         input.problem.series->matching.kind != Matching::Kind::automatic)
         return false;
-    bool any = false;
-    for (std::size_t i = 0; i < shooting.size(); ++i) {
-        const orbits::ShootingResidual& one = *shooting[i];
-        any = any || one.matching().estimate;
-        if (one.series().sampling == orbits::Series::Sampling::samples ||
-            !(one.noise(estimate.active[i]) > orbits::noisy_readings))
-            return false;
-    }
-    return any;
+    const auto sampled = [](const auto& one) { return one->series().sampling == orbits::Series::Sampling::samples; };
+    const auto estimated = [](const auto& one) { return one->matching().estimate; };
+    return std::none_of(shooting.begin(), shooting.end(), sampled) &&
+           std::any_of(shooting.begin(), shooting.end(), estimated);
 }
-
-}  // namespace
 
 std::optional<ExactSections> exact_sections(const StageInput& input,
                                             const std::vector<estimator::FreeParameter>& parameters,
                                             const ProblemResiduals& residuals, const estimator::Estimate& estimate,
                                             const estimator::EstimateOptions& options) {
-    if (!may_be_exact(input, residuals, estimate)) return std::nullopt;
+    if (estimate.active.size() != residuals.shooting.size()) return std::nullopt;
+    for (std::size_t i = 0; i < residuals.shooting.size(); ++i)
+        if (!(residuals.shooting[i]->noise(estimate.active[i]) > orbits::noisy_readings)) return std::nullopt;
     ExactSections found;
     found.start.theta = estimated_theta(estimate);
     found.start.follows = true;

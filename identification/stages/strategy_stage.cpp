@@ -163,6 +163,25 @@ void keep(const StageInput& input, const std::string& name, StageValue& memory) 
         input.observer.keep(name, memory);
 }
 
+/// The estimate, and where it may be had with exact matching, that with its residuals and start.
+void estimate_or_match_exactly(const StageInput& input, const estimator::EstimateOptions& options,
+                               Parameters& parameters, ProblemResiduals& residuals, StageValue& memory) {
+    const bool may = may_match_exactly(input, residuals);
+    estimator::EstimateOptions first = options;
+    if (may) first.maximum_iterations = std::min(options.maximum_iterations, first_look);
+    memory.estimate = affordable_estimate(input, memory.series, parameters, residuals, first);
+    if (!may) return;
+    if (auto exact = exact_sections(input, parameters, residuals, memory.estimate, options)) {
+        memory.series = std::move(exact->start);
+        residuals = std::move(exact->residuals);
+        memory.estimate = std::move(exact->estimate);
+        begin_at(memory.series.theta, parameters);
+    } else if (memory.estimate.status == EstimateStatus::iteration_limit &&
+               first.maximum_iterations < options.maximum_iterations) {
+        memory.estimate = affordable_estimate(input, memory.series, parameters, residuals, options);
+    }
+}
+
 /// @param known  the stage has run before and left `memory`, which is filled otherwise.
 /// @param name   under which that is kept; empty: not at all. The estimate leaves `memory`: all its blocks are large.
 StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parameters, StageValue& memory, bool known,
@@ -191,13 +210,7 @@ StageRun estimate_stage(StageInput& input, const Stage& stage, Parameters parame
     if (input.starts != nullptr && input.options.starts > 1 && stage.kind != Stage::Kind::prediction)
         try_starts(input, memory, known, run.residuals, parameters);
     if (!known) {
-        memory.estimate = affordable_estimate(input, memory.series, parameters, run.residuals, options);
-        if (auto exact = exact_sections(input, parameters, run.residuals, memory.estimate, options)) {
-            memory.series = std::move(exact->start);
-            run.residuals = std::move(exact->residuals);
-            memory.estimate = std::move(exact->estimate);
-            begin_at(memory.series.theta, parameters);
-        }
+        estimate_or_match_exactly(input, options, parameters, run.residuals, memory);
         memory.estimate = less_its_bias(input, parameters, run.residuals, options, std::move(memory.estimate));
         // Before it is told, so that what was told is there.
         keep(input, name, memory);
