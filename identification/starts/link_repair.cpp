@@ -1,7 +1,6 @@
 #include "identification/starts/link_repair.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -28,7 +27,8 @@ using Eigen::VectorXd;
 
 /// Missed links of a segment that are looked at together, with nodes to either side.
 struct Gap {
-    std::size_t place = 0, segment = 0;
+    std::size_t place = 0;       ///< of the residual
+    std::size_t segment = 0;     ///< among the fitted ones
     std::size_t begin = 0;       ///< block of the segment's first node
     std::vector<Index> missed;   ///< nodes whose intervals miss the next one, ascending
     Index first = 0, count = 0;  ///< nodes of the piece
@@ -41,7 +41,9 @@ constexpr std::size_t most_together = 12;  ///< missed links in one piece; more 
 constexpr std::size_t most_candidates = 3;
 /// States drawn from the error ball of a node, and from those of a few nodes where these lead nowhere.
 constexpr std::size_t few_states = 8, many_states = 32;
+/// Gaps of one round: the larger of a number and a share of the links.
 constexpr std::size_t most_gaps = 160, most_hard_gaps = 32;
+constexpr double most_of_links = 0.05;
 
 /// Where a minimisation has come to, be it a minimum or not.
 bool has_ended(const estimator::Estimate& estimate) {
@@ -71,31 +73,25 @@ std::vector<std::size_t> missed_links(const orbits::ShootingResidual& residual, 
 void add_gaps(const orbits::ShootingResidual& residual, const std::vector<std::size_t>& missed, std::size_t place,
               std::vector<Gap>& gaps) {
     const auto& nodes = residual.plan().nodes;
+    std::vector<std::size_t> begins;  // of segments, and the end of the last one
+    for (std::size_t b = 0; b < nodes.size(); ++b)
+        if (b == 0 || nodes[b].segment != nodes[b - 1].segment) begins.push_back(b);
+    begins.push_back(nodes.size());
     const std::size_t before = gaps.size();
+    std::size_t segment = 0;
     for (const std::size_t b : missed) {
-        std::size_t begin = b;
-        while (begin > 0 && nodes[begin - 1].segment == nodes[b].segment)
-            --begin;
-        const auto node = static_cast<Index>(b - begin);
+        while (b >= begins[segment + 1])
+            ++segment;
+        const auto node = static_cast<Index>(b - begins[segment]);
         const bool near =
-            gaps.size() > before && gaps.back().begin == begin && node <= gaps.back().missed.back() + margin;
-        if (!near) {
-            Gap& gap = gaps.emplace_back();
-            gap.place = place;
-            gap.begin = begin;
-            const auto& fitted = residual.fitted();
-            gap.segment =
-                static_cast<std::size_t>(std::find(fitted.begin(), fitted.end(), nodes[b].segment) - fitted.begin());
-        }
+            gaps.size() > before && gaps.back().segment == segment && node <= gaps.back().missed.back() + margin;
+        if (!near) gaps.push_back({place, segment, begins[segment], {}, 0, 0, {}, 0});
         gaps.back().missed.push_back(node);
     }
     std::erase_if(gaps, [](const Gap& gap) { return gap.missed.size() > most_together; });
     for (std::size_t g = before; g < gaps.size(); ++g) {
         Gap& gap = gaps[g];
-        Index all = 0;
-        while (gap.begin + static_cast<std::size_t>(all) < nodes.size() &&
-               nodes[gap.begin + static_cast<std::size_t>(all)].segment == nodes[gap.begin].segment)
-            ++all;
+        const auto all = static_cast<Index>(begins[gap.segment + 1] - gap.begin);
         gap.first = std::max<Index>(0, gap.missed.front() - margin);
         gap.count = std::min(all, gap.missed.back() + margin + 2) - gap.first;
     }
@@ -254,7 +250,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
     for (int round = 0; round < most_rounds; ++round) {
         if (!has_ended(estimate)) return estimate;
         std::vector<Gap> gaps;
-        std::size_t all = 0;
+        std::size_t all = 0, links = 0;
         for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
             const orbits::ShootingResidual& residual = *residuals.shooting[i];
             if (!is_exact(residual) || estimate.active[first + i].is_intermediate_stage) continue;
@@ -262,10 +258,13 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
             if (static_cast<double>(missed.size()) > most_missed * static_cast<double>(residual.layout().size()))
                 continue;
             all += missed.size();
+            links += residual.layout().size();
             add_gaps(residual, missed, i, gaps);
         }
         if (gaps.empty()) return estimate;
-        gaps.resize(std::min(gaps.size(), states == few_states ? most_gaps : most_hard_gaps));
+        const std::size_t most =
+            std::max(most_gaps, static_cast<std::size_t>(most_of_links * static_cast<double>(links)));
+        gaps.resize(std::min(gaps.size(), states == few_states ? most : most_hard_gaps));
         const Search search(problem, setup, parameters, residuals, options, estimate, states);
         tbb::parallel_for(std::size_t{0}, gaps.size(), [&](std::size_t g) { search.mend(gaps[g]); });
         estimator::Estimate begun = estimate;

@@ -147,12 +147,15 @@ std::unique_ptr<orbits::ShootingResidual> shooting_piece(const IdentificationPro
     if (!measured.inputs.empty()) options.inputs = {measured.inputs[segment]};
     for (estimator::ErrorScale& error : options.errors)
         if (error.value > 0.0) error.estimate = false;
-    orbits::Series series = *measured.series;
-    orbits::Segment whole = std::move(series.segments[segment]);
+    // All but the segments: records may be long, and pieces many.
+    const orbits::Segment& whole = measured.series->segments[segment];
+    orbits::Series series;
+    series.sampling = measured.series->sampling;
+    series.coordinates = measured.series->coordinates;
+    series.phase = measured.series->phase;
     const Eigen::Index first = piece.node * options.interval;
     const Eigen::Index count = std::min(nodes.cols() * options.interval, whole.values.cols() - first);
-    series.segments.assign(1, {});
-    orbits::Segment& part = series.segments.front();
+    orbits::Segment& part = series.segments.emplace_back();
     part.label = whole.label;
     part.values = whole.values.middleCols(first, count);
     if (whole.times.size() > 0) part.times = whole.times.segment(first, count);
