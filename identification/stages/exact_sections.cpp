@@ -49,6 +49,7 @@ std::optional<ExactSections> exact_sections(const StageInput& input,
     StageRun run;
     run.residuals = std::move(found.residuals);
     run.estimate = affordable_estimate(input, found.start, begun, run.residuals, options);
+    if (run.estimate.status == estimator::EstimateStatus::interrupted) return std::nullopt;
     const std::string doubt = series_doubt(*input.problem.system, run);
     input.observer.detail(doubt.empty() ? std::string("matched exactly, the sections are explained")
                                         : fmt::format("sections matched exactly: {}", doubt));

@@ -176,6 +176,10 @@ void estimate_or_match_exactly(const StageInput& input, const estimator::Estimat
         residuals = std::move(exact->residuals);
         memory.estimate = std::move(exact->estimate);
         begin_at(memory.series.theta, parameters);
+    } else if (options.interrupted && options.interrupted()) {
+        // What it has come to is the best so far, but not the end.
+        memory.estimate.status = EstimateStatus::interrupted;
+        memory.estimate.message = "interrupted before exact matching was tried";
     } else if (memory.estimate.status == EstimateStatus::iteration_limit &&
                first.maximum_iterations < options.maximum_iterations) {
         memory.estimate = affordable_estimate(input, memory.series, parameters, residuals, options);

@@ -13,6 +13,7 @@
 #include "estimator/exploration/tilt.hpp"
 #include "estimator/interface/random_stream.hpp"
 #include "identification/problem/estimated_values.hpp"
+#include "identification/starts/link_gaps.hpp"
 #include "identification/starts/piece_estimate.hpp"
 #include "identification/starts/series_nodes.hpp"
 #include "orbits/records/data_error.hpp"
@@ -25,19 +26,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Missed links of a segment that are looked at together, with nodes to either side.
-struct Gap {
-    std::size_t place = 0;       ///< of the residual
-    std::size_t segment = 0;     ///< among the fitted ones
-    std::size_t begin = 0;       ///< block of the segment's first node
-    std::vector<Index> missed;   ///< nodes whose intervals miss the next one, ascending
-    Index first = 0, count = 0;  ///< nodes of the piece
-    MatrixXd nodes;              ///< of the piece, mended; empty: it was not
-    std::size_t left = 0;        ///< intervals that still miss
-};
-
-constexpr Index margin = 4;                ///< nodes of a piece before and after those that miss
-constexpr std::size_t most_together = 12;  ///< missed links in one piece; more are no matter of single states
 constexpr std::size_t most_candidates = 3;
 /// States drawn from the error ball of a node, and from those of a few nodes where these lead nowhere.
 constexpr std::size_t few_states = 8, many_states = 32;
@@ -52,49 +40,14 @@ bool has_ended(const estimator::Estimate& estimate) {
            estimate.status == estimator::EstimateStatus::no_progress;
 }
 
+estimator::Estimate interrupted(estimator::Estimate estimate) {
+    estimate.status = estimator::EstimateStatus::interrupted;
+    estimate.message = "interrupted while links that miss were looked at";
+    return estimate;
+}
+
 bool is_exact(const orbits::ShootingResidual& residual) {
     return residual.matching().kind == orbits::Continuity::Kind::exact && !residual.matching().constraints;
-}
-
-/// Blocks whose intervals miss the next node by more than three sds of matching.
-std::vector<std::size_t> missed_links(const orbits::ShootingResidual& residual, const estimator::ActiveSet& active,
-                                      const std::vector<estimator::BlockValue>& values) {
-    const VectorXd limit = 3.0 * residual.matching_sd(active);
-    const auto& nodes = residual.plan().nodes;
-    std::vector<std::size_t> missed;
-    for (std::size_t b = 0; b + 1 < nodes.size(); ++b) {
-        if (!nodes[b].linked || !active.layout[b].active || !active.layout[b + 1].active) continue;
-        if (values[b].e.size() < limit.size()) continue;
-        if ((values[b].e.tail(limit.size()).array().abs() > limit.array()).any()) missed.push_back(b);
-    }
-    return missed;
-}
-
-void add_gaps(const orbits::ShootingResidual& residual, const std::vector<std::size_t>& missed, std::size_t place,
-              std::vector<Gap>& gaps) {
-    const auto& nodes = residual.plan().nodes;
-    std::vector<std::size_t> begins;  // of segments, and the end of the last one
-    for (std::size_t b = 0; b < nodes.size(); ++b)
-        if (b == 0 || nodes[b].segment != nodes[b - 1].segment) begins.push_back(b);
-    begins.push_back(nodes.size());
-    const std::size_t before = gaps.size();
-    std::size_t segment = 0;
-    for (const std::size_t b : missed) {
-        while (b >= begins[segment + 1])
-            ++segment;
-        const auto node = static_cast<Index>(b - begins[segment]);
-        const bool near =
-            gaps.size() > before && gaps.back().segment == segment && node <= gaps.back().missed.back() + margin;
-        if (!near) gaps.push_back({place, segment, begins[segment], {}, 0, 0, {}, 0});
-        gaps.back().missed.push_back(node);
-    }
-    std::erase_if(gaps, [](const Gap& gap) { return gap.missed.size() > most_together; });
-    for (std::size_t g = before; g < gaps.size(); ++g) {
-        Gap& gap = gaps[g];
-        const auto all = static_cast<Index>(begins[gap.segment + 1] - gap.begin);
-        gap.first = std::max<Index>(0, gap.missed.front() - margin);
-        gap.count = std::min(all, gap.missed.back() + margin + 2) - gap.first;
-    }
 }
 
 /// The search within the pieces of one estimate.
@@ -121,7 +74,7 @@ public:
     }
 
     /// Nodes of the piece that meet, or nearly so.
-    void mend(Gap& gap) const {
+    void mend(LinkGap& gap) const {
         const MatrixXd now = nodes_of(gap).middleCols(gap.first, gap.count);
         std::vector<MatrixXd> trials{now, now};
         for (Index k = 0; k < gap.count; ++k)
@@ -157,8 +110,8 @@ private:
         double value, sd;
     };
 
-    [[nodiscard]] const MatrixXd& nodes_of(const Gap& gap) const { return start_.nodes[gap.place][gap.segment]; }
-    [[nodiscard]] const estimator::ActiveSet& active(const Gap& gap) const {
+    [[nodiscard]] const MatrixXd& nodes_of(const LinkGap& gap) const { return start_.nodes[gap.place][gap.segment]; }
+    [[nodiscard]] const estimator::ActiveSet& active(const LinkGap& gap) const {
         return estimate_.active[residuals_.first_shooting() + gap.place];
     }
 
@@ -170,7 +123,7 @@ private:
     }
 
     /// At the node itself.
-    [[nodiscard]] std::vector<Reading> readings_at(const Gap& gap, Index node) const {
+    [[nodiscard]] std::vector<Reading> readings_at(const LinkGap& gap, Index node) const {
         const orbits::ShootingResidual& residual = *residuals_.shooting[gap.place];
         std::vector<Reading> found;
         for (const orbits::PlannedReading& one : residual.plan().of(gap.begin + static_cast<std::size_t>(node))) {
@@ -192,7 +145,7 @@ private:
     }
 
     /// States of a node and the next one that explain the readings of both, shape (n, 2), the best first.
-    [[nodiscard]] std::vector<MatrixXd> candidates(const Gap& gap, Index node) const {
+    [[nodiscard]] std::vector<MatrixXd> candidates(const LinkGap& gap, Index node) const {
         constexpr double apart = 0.3, wider = 1.5;
         const std::vector<Reading> here = readings_at(gap, node), next = readings_at(gap, node + 1);
         const orbits::ShootingResidual& residual = *residuals_.shooting[gap.place];
@@ -249,7 +202,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
     std::size_t states = few_states;
     for (int round = 0; round < most_rounds; ++round) {
         if (!has_ended(estimate)) return estimate;
-        std::vector<Gap> gaps;
+        std::vector<LinkGap> gaps;
         std::size_t all = 0, links = 0;
         for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
             const orbits::ShootingResidual& residual = *residuals.shooting[i];
@@ -267,9 +220,10 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
         gaps.resize(std::min(gaps.size(), states == few_states ? most : most_hard_gaps));
         const Search search(problem, setup, parameters, residuals, options, estimate, states);
         tbb::parallel_for(std::size_t{0}, gaps.size(), [&](std::size_t g) { search.mend(gaps[g]); });
+        if (options.interrupted && options.interrupted()) return interrupted(std::move(estimate));
         estimator::Estimate begun = estimate;
         std::size_t mended = 0;
-        for (const Gap& gap : gaps) {
+        for (const LinkGap& gap : gaps) {
             for (Index k = 0; k < gap.nodes.cols(); ++k)
                 begun.latents[first + gap.place][gap.begin + static_cast<std::size_t>(gap.first + k)] =
                     gap.nodes.col(k);
@@ -282,11 +236,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
         }
         estimator::Estimate found =
             estimator::estimate_again(parameters, residuals.all(), setup.derived, options, begun);
-        if (found.status == estimator::EstimateStatus::interrupted) {
-            estimate.status = found.status;
-            estimate.message = "interrupted while links that miss were looked at";
-            return estimate;
-        }
+        if (found.status == estimator::EstimateStatus::interrupted) return interrupted(std::move(estimate));
         const bool better = has_ended(found) && found.objective < estimate.objective;
         if (told)
             told(fmt::format(

@@ -26,7 +26,7 @@ namespace {
 const VectorXd truth{{0.25, -1.0, 1.0, 0.3}};  // delta, alpha, beta, gamma
 const Eigen::Vector2d noise{0.0145, 0.0075};   // 5e-3 of the ranges
 
-/// Sections of Duffing's chaotic oscillator. Errors of readings grow up to two hundredfold in a period.
+/// Sections of Duffing's chaotic oscillator. Errors of readings grow a hundredfold over some periods.
 struct Record {
     identification::IdentificationProblem problem;
     MatrixXd course;  ///< states at the sections
@@ -120,6 +120,18 @@ TEST_CASE("a course that meets all nodes is left as it is", "[identification][se
     CHECK(said.empty());
     CHECK(same.objective == right.objective);
     CHECK(same.evaluations == right.evaluations);
+}
+
+TEST_CASE("what is stopped while links are mended is no minimum", "[identification][series]") {
+    Record record;
+    const estimator::Estimate wrong = record.estimate_from(record.problem.experiments[0].series->segments[0].values);
+    REQUIRE(record.missed(wrong) >= 2);
+    record.options.interrupted = [] { return true; };
+    std::string said;
+    const estimator::Estimate stopped = record.mended(wrong, said);
+    CHECK(stopped.status == estimator::EstimateStatus::interrupted);
+    CHECK(stopped.objective == wrong.objective);
+    CHECK(said.empty());
 }
 
 }  // namespace link_repair_test
