@@ -179,7 +179,7 @@ void estimate_or_match_exactly(const StageInput& input, const estimator::Estimat
     } else if (options.interrupted && options.interrupted()) {
         // What it has come to is the best so far, but not the end.
         memory.estimate.status = EstimateStatus::interrupted;
-        memory.estimate.message = "interrupted before exact matching was tried";
+        memory.estimate.message = "interrupted while exact matching was tried";
     } else if (memory.estimate.status == EstimateStatus::iteration_limit &&
                first.maximum_iterations < options.maximum_iterations) {
         memory.estimate = affordable_estimate(input, memory.series, parameters, residuals, options);
