@@ -51,9 +51,13 @@ std::optional<ExactSections> exact_sections(const StageInput& input,
     run.estimate = affordable_estimate(input, found.start, begun, run.residuals, options);
     if (run.estimate.status == estimator::EstimateStatus::interrupted) return std::nullopt;
     const std::string doubt = series_doubt(*input.problem.system, run);
-    input.observer.detail(doubt.empty() ? std::string("matched exactly, the sections are explained")
-                                        : fmt::format("sections matched exactly: {}", doubt));
-    if (!doubt.empty()) return std::nullopt;
+    if (!doubt.empty()) {
+        input.observer.detail(fmt::format("sections matched exactly: {}", doubt));
+        return std::nullopt;
+    }
+    input.observer.remark(
+        "nodes are matched exactly: errors of readings alone explain the sections; say \"matching\": {\"sd\": "
+        "\"estimate\"} if the model may be wrong by less than they show");
     found.residuals = std::move(run.residuals);
     found.estimate = std::move(run.estimate);
     return found;
