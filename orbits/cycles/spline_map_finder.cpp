@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -24,8 +25,9 @@ constexpr double same_spline_distance = 1e-7;
 // Newton on one map is cheap, so starts are sought from recurrences as wide as this whatever the box.
 constexpr double widest_start = 0.2;
 
-// Starts per period at most, those that close best.
+// Starts per period at most, and the size of the cells (scaled units) that take turns with their best ones.
 constexpr std::size_t maximum_starts = 20000;
+constexpr double start_cell = 0.01;
 
 // Distance of patches (scaled units), and that of the map which is compared.
 constexpr double spacing = 0.02;
@@ -165,7 +167,8 @@ private:
         return trial;
     }
 
-    // Pieces of the smoothed series that come back within a box, best first.
+    // Pieces of the smoothed series that come back within a box: the best of every cell, then the second best of each,
+    // and so on. The best of all would lie around the few cycles that a long series visits most.
     [[nodiscard]] std::vector<std::size_t> recurrent(int period) const {
         const auto p = static_cast<std::size_t>(period);
         std::vector<std::pair<double, std::size_t>> found;
@@ -181,11 +184,20 @@ private:
             run = section_.has_image(i) ? run + 1 : 0;
         }
         std::sort(found.begin(), found.end());
-        if (found.size() > maximum_starts) found.resize(maximum_starts);
-        std::vector<std::size_t> starts;
-        for (const auto& [gap, start] : found)
-            starts.push_back(start);
-        return starts;
+        std::map<std::vector<int>, std::size_t> taken;
+        std::vector<std::pair<std::size_t, std::size_t>> starts;  // rank within its cell, place
+        for (const auto& [gap, start] : found) {
+            std::vector<int> cell;
+            for (const double x : fit_.states.col(static_cast<Eigen::Index>(start)))
+                cell.push_back(static_cast<int>(std::floor(x / start_cell)));
+            starts.emplace_back(taken[cell]++, start);
+        }
+        std::stable_sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+        if (starts.size() > maximum_starts) starts.resize(maximum_starts);
+        std::vector<std::size_t> places;
+        for (const auto& [rank, place] : starts)
+            places.push_back(place);
+        return places;
     }
 
     CycleSearchOptions options_;
