@@ -1,6 +1,10 @@
 #include "identification/starts/link_gaps.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <variant>
+
+#include "identification/problem/estimated_values.hpp"
 
 namespace orbid::identification {
 
@@ -9,26 +13,53 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr Index margin = 4;                ///< nodes of a piece before and after those that miss
-constexpr std::size_t most_together = 12;  ///< missed links in one piece
+constexpr std::size_t most_together = 12;  ///< places in one piece
+
+/// The largest error of a block's readings in its sds, of those with normal errors.
+double reading_miss(const orbits::ShootingResidual& residual, const estimator::Estimate& estimate,
+                    const estimator::ActiveSet& active, const estimator::BlockLayout& block, const VectorXd& errors) {
+    double largest = 0.0;
+    for (Index i = 0; i < errors.size(); ++i) {
+        const auto group = static_cast<std::size_t>(block.group[static_cast<std::size_t>(i)]);
+        if (group >= residual.reading_groups()) continue;
+        const auto* scale = scale_of(estimate, active.groups[group].name);
+        if (scale == nullptr || !(scale->value > 0.0)) continue;
+        if (!std::holds_alternative<estimator::NormalErrors>(active.groups[group].distribution)) continue;
+        const double sd = scale->value * (block.deviation.size() > 0 ? block.deviation[i] : 1.0);
+        largest = std::max(largest, std::abs(errors[i]) / sd);
+    }
+    return largest;
+}
 
 }  // namespace
 
-std::vector<std::size_t> missed_links(const orbits::ShootingResidual& residual, const estimator::ActiveSet& active,
-                                      const std::vector<estimator::BlockValue>& values) {
+std::vector<std::size_t> missed_places(const orbits::ShootingResidual& residual, const estimator::Estimate& estimate,
+                                       std::size_t place) {
+    constexpr double most_of_a_reading = 4.5;
+    const estimator::ActiveSet& active = estimate.active[place];
+    const std::vector<estimator::BlockValue>& values = estimate.residuals[place];
     const VectorXd limit = 3.0 * residual.matching_sd(active);
     const auto& nodes = residual.plan().nodes;
+    const auto is_linked = [&](std::size_t b) {
+        return b + 1 < nodes.size() && nodes[b].linked && active.layout[b].active && active.layout[b + 1].active &&
+               values[b].e.size() >= limit.size();
+    };
     std::vector<std::size_t> missed;
-    for (std::size_t b = 0; b + 1 < nodes.size(); ++b) {
-        if (!nodes[b].linked || !active.layout[b].active || !active.layout[b + 1].active) continue;
-        if (values[b].e.size() < limit.size()) continue;
-        if ((values[b].e.tail(limit.size()).array().abs() > limit.array()).any()) missed.push_back(b);
+    for (std::size_t b = 0; b < nodes.size(); ++b) {
+        if (!active.layout[b].active) continue;
+        const bool linked = is_linked(b);
+        if ((linked && (values[b].e.tail(limit.size()).array().abs() > limit.array()).any()) ||
+            reading_miss(residual, estimate, active, active.layout[b], values[b].e) > most_of_a_reading) {
+            // The last node of a segment is looked at together with the one before.
+            const std::size_t at = linked || b == 0 ? b : b - 1;
+            if (is_linked(at) && (missed.empty() || missed.back() < at)) missed.push_back(at);
+        }
     }
     return missed;
 }
 
 void add_gaps(const orbits::ShootingResidual& residual, const std::vector<std::size_t>& missed, std::size_t place,
-              std::vector<LinkGap>& gaps) {
+              Index margin, std::vector<LinkGap>& gaps) {
     const auto& nodes = residual.plan().nodes;
     std::vector<std::size_t> begins;  // of segments, and the end of the last one
     for (std::size_t b = 0; b < nodes.size(); ++b)

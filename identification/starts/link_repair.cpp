@@ -27,8 +27,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t most_candidates = 3;
-/// States drawn from the error ball of a node, and from those of a few nodes where these lead nowhere.
-constexpr std::size_t few_states = 8, many_states = 32;
+/// States drawn from the error ball of a node, and of few nodes where these lead nowhere.
+constexpr std::size_t few_states = 8, many_states = 64;
+/// Nodes on either side of the places, likewise.
+constexpr Index short_margin = 4, long_margin = 8;
 /// Gaps of one round: the larger of a number and a share of the links.
 constexpr std::size_t most_gaps = 160, most_hard_gaps = 32;
 constexpr double most_of_links = 0.05;
@@ -73,7 +75,7 @@ public:
         }
     }
 
-    /// Nodes of the piece that meet, or nearly so.
+    /// Nodes of the piece that explain it better than those of the estimate.
     void mend(LinkGap& gap) const {
         const MatrixXd now = nodes_of(gap).middleCols(gap.first, gap.count);
         std::vector<MatrixXd> trials{now, now};
@@ -92,12 +94,13 @@ public:
         }
         if (gap.missed.size() > 1) trials.push_back(all);
         const orbits::Continuity tight = normal(residuals_.shooting[gap.place]->matching_sd(active(gap)));
+        // What does not explain the piece is no better, whatever else there is.
         gap.left = gap.missed.size();
         double best = std::numeric_limits<double>::infinity();
         for (const MatrixXd& nodes : trials) {
             const PieceEstimate one = estimated({gap.place, gap.segment, gap.first}, nodes, tight);
             if (one.nodes.size() == 0 || one.missed > gap.left) continue;
-            if (one.missed == gap.left && (!(one.objective < best) || gap.nodes.size() == 0)) continue;
+            if (one.missed == gap.left && !(one.objective < best)) continue;
             best = one.objective;
             gap.left = one.missed;
             gap.nodes = one.nodes;
@@ -197,6 +200,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
                                       estimator::Estimate estimate,
                                       const std::function<void(const std::string& line)>& told) {
     constexpr int most_rounds = 8;
+    constexpr double least_gain = 0.1;   // of the objective
     constexpr double most_missed = 0.5;  // of the links of a record
     const std::size_t first = residuals.first_shooting();
     std::size_t states = few_states;
@@ -207,12 +211,12 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
         for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
             const orbits::ShootingResidual& residual = *residuals.shooting[i];
             if (!is_exact(residual) || estimate.active[first + i].is_intermediate_stage) continue;
-            const auto missed = missed_links(residual, estimate.active[first + i], estimate.residuals[first + i]);
+            const auto missed = missed_places(residual, estimate, first + i);
             if (static_cast<double>(missed.size()) > most_missed * static_cast<double>(residual.layout().size()))
                 continue;
             all += missed.size();
             links += residual.layout().size();
-            add_gaps(residual, missed, i, gaps);
+            add_gaps(residual, missed, i, states == few_states ? short_margin : long_margin, gaps);
         }
         if (gaps.empty()) return estimate;
         const std::size_t most =
@@ -229,22 +233,26 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
                     gap.nodes.col(k);
             mended += gap.missed.size() - gap.left;
         }
-        if (mended == 0 && states == many_states) return estimate;
         if (mended == 0) {
+            if (states == many_states) return estimate;
             states = many_states;
             continue;
         }
         estimator::Estimate found =
             estimator::estimate_again(parameters, residuals.all(), setup.derived, options, begun);
         if (found.status == estimator::EstimateStatus::interrupted) return interrupted(std::move(estimate));
-        const bool better = has_ended(found) && found.objective < estimate.objective;
+        const bool better = has_ended(found) && found.objective < estimate.objective - least_gain;
         if (told)
             told(fmt::format(
-                "{} of {} intervals that missed the next node have a state that meets it: {}", mended, all,
+                "{} of {} places where the course missed have a better one: {}", mended, all,
                 better ? fmt::format("the objective decreases by {:.3g}", estimate.objective - found.objective)
                        : fmt::format("no better, {}", found.message)));
-        if (!better) return estimate;
-        estimate = std::move(found);
+        if (better)
+            estimate = std::move(found);
+        else if (states == many_states)
+            return estimate;
+        else
+            states = many_states;
     }
     return estimate;
 }

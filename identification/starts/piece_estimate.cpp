@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "identification/problem/estimated_values.hpp"
+#include "identification/starts/link_gaps.hpp"
 
 namespace orbid::identification {
 
@@ -32,7 +32,7 @@ PieceEstimate piece_estimate(const std::vector<estimator::FreeParameter>& near,
     result.nodes.resize(latents.front().size(), std::ssize(latents));
     for (Index k = 0; k < result.nodes.cols(); ++k)
         result.nodes.col(k) = latents[static_cast<std::size_t>(k)];
-    result.missed = residual.defect(found.active[0], estimated_theta(found), latents).large;
+    result.missed = missed_places(residual, found, 0).size();
     return result;
 }
 

@@ -16,7 +16,7 @@ namespace orbid::identification {
 struct PieceEstimate {
     double objective = std::numeric_limits<double>::infinity();
     Eigen::MatrixXd nodes;   ///< shape (n, nodes); empty when it did not converge
-    std::size_t missed = 0;  ///< intervals that do not meet the next node
+    std::size_t missed = 0;  ///< places where it misses, see missed_places()
     std::uint64_t work = 0;  ///< see ShootingResidual::work()
 };
 

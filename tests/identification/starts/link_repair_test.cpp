@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "identification/problem/estimated_values.hpp"
+#include "identification/starts/link_gaps.hpp"
 #include "identification/starts/link_repair.hpp"
 #include "identification/starts/series_nodes.hpp"
 #include "models/catalogue/registry.hpp"
@@ -100,7 +101,7 @@ TEST_CASE("links on wrong branches are mended", "[identification][series]") {
     const estimator::Estimate mended = record.mended(wrong, said);
     CHECK(mended.status == estimator::EstimateStatus::converged);
     CHECK(record.missed(mended) == 0);
-    CHECK_THAT(said, ContainsSubstring("have a state that meets it: the objective decreases by"));
+    CHECK_THAT(said, ContainsSubstring("have a better one: the objective decreases by"));
     // The same minimum as from the course that made the record.
     CHECK_THAT(mended.objective, WithinAbs(right.objective, 0.5));
     for (std::size_t i = 0; i < 4; ++i) {
@@ -120,6 +121,30 @@ TEST_CASE("a course that meets all nodes is left as it is", "[identification][se
     CHECK(said.empty());
     CHECK(same.objective == right.objective);
     CHECK(same.evaluations == right.evaluations);
+}
+
+TEST_CASE("a course misses where links or readings are beyond their errors", "[identification][series]") {
+    Record record;
+    estimator::Estimate estimate = record.estimate_from(record.course);
+    const orbits::ShootingResidual& residual = *record.residuals.shooting[0];
+    const auto missed = [&] { return identification::missed_places(residual, estimate, 0); };
+    REQUIRE(missed().empty());
+    const double sd = identification::scale_of(estimate, "series.x")->value;
+    const double before = estimate.residuals[0][100].e[0];
+    estimate.residuals[0][100].e[0] = 4.4 * sd;
+    CHECK(missed().empty());
+    estimate.residuals[0][100].e[0] = -4.6 * sd;
+    CHECK(missed() == std::vector<std::size_t>{100});
+    estimate.active[0].groups[0].distribution = estimator::StudentErrors{};
+    CHECK(missed().empty());  // heavy tails are expected
+    estimate.residuals[0][100].e[0] = before;
+    const double slack = residual.matching_sd(estimate.active[0])[0];
+    estimate.residuals[0][200].e[2] = 3.1 * slack;
+    CHECK(missed() == std::vector<std::size_t>{200});
+    // The last node is looked at with the one before.
+    estimate.active[0].groups[0].distribution = estimator::NormalErrors{};
+    estimate.residuals[0].back().e[0] = 5.0 * sd;
+    CHECK(missed() == std::vector<std::size_t>{200, residual.layout().size() - 2});
 }
 
 TEST_CASE("what is stopped while links are mended is no minimum", "[identification][series]") {
