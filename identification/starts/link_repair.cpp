@@ -199,7 +199,7 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
                                       const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
                                       estimator::Estimate estimate,
                                       const std::function<void(const std::string& line)>& told) {
-    constexpr int most_rounds = 8;
+    constexpr int most_rounds = 16;
     constexpr double least_gain = 0.1;   // of the objective
     constexpr double most_missed = 0.5;  // of the links of a record
     const std::size_t first = residuals.first_shooting();
