@@ -5,11 +5,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
+#include "estimator/exploration/replication.hpp"
 #include "estimator/exploration/tilt.hpp"
 #include "estimator/interface/random_stream.hpp"
 #include "identification/problem/estimated_values.hpp"
@@ -192,13 +194,10 @@ private:
     SeriesStart start_;
 };
 
-}  // namespace
-
-estimator::Estimate with_mended_links(const IdentificationProblem& problem, const EstimateSetup& setup,
-                                      const std::vector<estimator::FreeParameter>& parameters,
-                                      const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
-                                      estimator::Estimate estimate,
-                                      const std::function<void(const std::string& line)>& told) {
+estimator::Estimate mended(const IdentificationProblem& problem, const EstimateSetup& setup,
+                           const std::vector<estimator::FreeParameter>& parameters, const ProblemResiduals& residuals,
+                           const estimator::EstimateOptions& options, estimator::Estimate estimate,
+                           const std::function<void(const std::string& line)>& told) {
     constexpr int most_rounds = 16;
     constexpr double least_gain = 0.1;   // of the objective
     constexpr double most_missed = 0.5;  // of the links of a record
@@ -253,6 +252,41 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
             return estimate;
         else
             states = many_states;
+    }
+    return estimate;
+}
+
+/// The estimate with links as tight as the errors of readings ask for that are left, where wrong branches had made
+/// these look larger; nothing where they had not.
+std::optional<estimator::Estimate> tightened(const EstimateSetup& setup,
+                                             const std::vector<estimator::FreeParameter>& parameters,
+                                             const ProblemResiduals& residuals,
+                                             const estimator::EstimateOptions& options,
+                                             const estimator::Estimate& estimate) {
+    if (estimate.status != estimator::EstimateStatus::converged) return std::nullopt;
+    estimator::Estimate begun = estimate;
+    begun.active = estimator::ended_sets(estimate);
+    bool any = false;
+    for (std::size_t i = 0; i < residuals.shooting.size(); ++i)
+        any = residuals.shooting[i]->tighten(begun.active[residuals.first_shooting() + i]) || any;
+    if (!any) return std::nullopt;
+    estimator::Estimate found = estimator::estimate_again(parameters, residuals.all(), setup.derived, options, begun);
+    return has_ended(found) ? std::optional(std::move(found)) : std::nullopt;
+}
+
+}  // namespace
+
+estimator::Estimate with_mended_links(const IdentificationProblem& problem, const EstimateSetup& setup,
+                                      const std::vector<estimator::FreeParameter>& parameters,
+                                      const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
+                                      estimator::Estimate estimate,
+                                      const std::function<void(const std::string& line)>& told) {
+    constexpr int most_times = 3;
+    estimate = mended(problem, setup, parameters, residuals, options, std::move(estimate), told);
+    for (int i = 0; i < most_times; ++i) {
+        std::optional<estimator::Estimate> tight = tightened(setup, parameters, residuals, options, estimate);
+        if (!tight) return estimate;
+        estimate = mended(problem, setup, parameters, residuals, options, std::move(*tight), told);
     }
     return estimate;
 }

@@ -235,6 +235,21 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     return {};
 }
 
+bool ShootingResidual::tighten(estimator::ActiveSet& active) const {
+    constexpr double far_smaller = 0.7;
+    if (matching_.kind != Continuity::Kind::exact || matching_.constraints) return false;
+    VectorXd& memory = active.memory.front();
+    const double before = memory[reading_noise];
+    find_noise(active);
+    if (!(memory[reading_noise] < far_smaller * before)) {
+        memory[reading_noise] = before;
+        return false;
+    }
+    memory[final_tightness] = memory[tightness] = exact_matching(memory[reading_noise], sampled());
+    apply_matching(active);
+    return true;
+}
+
 /// Scales of readings that are still to be estimated, from predictions at theta.
 void ShootingResidual::predict_scales(estimator::ActiveSet& active, const VectorXd& theta) const {
     const VectorXd noise = predicted_noise(data_->binding.values(theta));

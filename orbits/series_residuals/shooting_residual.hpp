@@ -153,6 +153,10 @@ public:
         return matching_.kind == Continuity::Kind::exact && !matching_.constraints && !sampled() &&
                noise(active) > noisy_readings;
     }
+    /// Makes exact matching of a set as tight as its scales of readings ask for, where these are far smaller than when
+    /// it became as tight as it is.
+    /// @return  whether they are.
+    [[nodiscard]] bool tighten(estimator::ActiveSet& active) const;
     [[nodiscard]] const Series& series() const { return data_->series; }
     [[nodiscard]] const ShootingPlan& plan() const { return data_->plan; }
     /// States that were followed at the start; none where readings tell them.

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "estimator/exploration/replication.hpp"
 #include "identification/problem/estimated_values.hpp"
 #include "identification/starts/link_gaps.hpp"
 #include "identification/starts/link_repair.hpp"
@@ -145,6 +146,31 @@ TEST_CASE("a course misses where links or readings are beyond their errors", "[i
     estimate.active[0].groups[0].distribution = estimator::NormalErrors{};
     estimate.residuals[0].back().e[0] = 5.0 * sd;
     CHECK(missed() == std::vector<std::size_t>{200, residual.layout().size() - 2});
+}
+
+TEST_CASE("links become as tight as the errors of readings ask for that are left", "[identification][series]") {
+    Record record;
+    const estimator::Estimate estimate = record.estimate_from(record.course);
+    const orbits::ShootingResidual& residual = *record.residuals.shooting[0];
+    const auto with_errors = [&](double times) {
+        std::vector<estimator::ActiveSet> sets = estimator::ended_sets(estimate);
+        for (std::size_t g = 0; g < residual.reading_groups(); ++g)
+            sets[0].groups[g].scale.value *= times;
+        return sets[0];
+    };
+    const VectorXd before = residual.matching_sd(estimate.active[0]);
+    estimator::ActiveSet set = with_errors(0.9);
+    CHECK_FALSE(residual.tighten(set));
+    CHECK(residual.matching_sd(set) == before);
+    set = with_errors(0.5);
+    CHECK(residual.tighten(set));
+    CHECK_FALSE(set.is_intermediate_stage);
+    // Slack is the square of the errors here.
+    const double noise = residual.noise(set);
+    CHECK_THAT(noise, WithinRel(0.5 * residual.noise(estimate.active[0]), 0.05));
+    CHECK_THAT(residual.matching_sd(set)[0], WithinRel(12.0 * noise * noise * residual.range()[0], 1e-12));
+    CHECK(set.groups[residual.reading_groups()].scale.value == residual.matching_sd(set)[0]);
+    CHECK_FALSE(residual.tighten(set));
 }
 
 TEST_CASE("what is stopped while links are mended is no minimum", "[identification][series]") {
