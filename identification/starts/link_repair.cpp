@@ -257,7 +257,7 @@ estimator::Estimate mended(const IdentificationProblem& problem, const EstimateS
 }
 
 /// The estimate with links as tight as the errors of readings ask for that are left, where wrong branches had made
-/// these look larger; nothing where they had not.
+/// these look larger; nothing where they had not, or where that leads nowhere.
 std::optional<estimator::Estimate> tightened(const EstimateSetup& setup,
                                              const std::vector<estimator::FreeParameter>& parameters,
                                              const ProblemResiduals& residuals,
@@ -271,7 +271,8 @@ std::optional<estimator::Estimate> tightened(const EstimateSetup& setup,
         any = residuals.shooting[i]->tighten(begun.active[residuals.first_shooting() + i]) || any;
     if (!any) return std::nullopt;
     estimator::Estimate found = estimator::estimate_again(parameters, residuals.all(), setup.derived, options, begun);
-    return has_ended(found) ? std::optional(std::move(found)) : std::nullopt;
+    if (found.status == estimator::EstimateStatus::interrupted) return interrupted(estimate);
+    return found.status == estimator::EstimateStatus::converged ? std::optional(std::move(found)) : std::nullopt;
 }
 
 }  // namespace

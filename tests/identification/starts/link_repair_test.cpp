@@ -175,6 +175,19 @@ TEST_CASE("links become as tight as the errors of readings ask for that are left
     CHECK_THAT(residual.matching_sd(set)[0], WithinRel(12.0 * noise * noise * residual.range()[0], 1e-12));
     CHECK(set.groups[residual.reading_groups()].scale.value == residual.matching_sd(set)[0]);
     CHECK_FALSE(residual.tighten(set));
+
+    // As after an estimate whose wrong branches have made errors look twice as large.
+    estimator::Estimate loose = estimate;
+    loose.active[0].memory.front() *= 2.0;
+    std::string said;
+    const estimator::Estimate tight = record.mended(loose, said);
+    CHECK(tight.status == estimator::EstimateStatus::converged);
+    CHECK(residual.noise(tight.active[0]) < 0.7 * residual.noise(loose.active[0]));
+    CHECK(residual.matching_sd(tight.active[0])[0] < residual.matching_sd(loose.active[0])[0]);
+    for (std::size_t i = 0; i < 4; ++i)
+        CHECK(std::abs(tight.parameters[i].value - estimate.parameters[i].value) < 0.3 * estimate.parameters[i].sd);
+    record.options.interrupted = [] { return true; };
+    CHECK(record.mended(loose, said).status == estimator::EstimateStatus::interrupted);
 }
 
 TEST_CASE("what is stopped while links are mended is no minimum", "[identification][series]") {
