@@ -167,12 +167,12 @@ TEST_CASE("links become as tight as the errors of readings ask for that are left
     CHECK(residual.tighten(set));
     CHECK_FALSE(set.is_intermediate_stage);
     // Slack is the square of the errors here.
-    const double noise = residual.noise(set);
+    const double errors = residual.noise(set);
     double largest = 0.0;
     for (std::size_t g = 0; g < residual.reading_groups(); ++g)
         largest = std::max(largest, set.groups[g].scale.value / residual.reading_range(g));
-    CHECK(noise == largest);
-    CHECK_THAT(residual.matching_sd(set)[0], WithinRel(12.0 * noise * noise * residual.range()[0], 1e-12));
+    CHECK(errors == largest);
+    CHECK_THAT(residual.matching_sd(set)[0], WithinRel(12.0 * errors * errors * residual.range()[0], 1e-12));
     CHECK(set.groups[residual.reading_groups()].scale.value == residual.matching_sd(set)[0]);
     CHECK_FALSE(residual.tighten(set));
 
