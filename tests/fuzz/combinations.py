@@ -19,6 +19,7 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+SLOWNESS = float(os.environ.get("ORBID_TEST_SLOWNESS", "1"))  # of a program with sanitizers
 LORENZ = {"name": "lorenz", "parameters": {"sigma": 10.0, "rho": 28.0, "beta": 8.0 / 3.0}}
 SWING = {"name": "free_pendulum", "parameters": {"w0sq": 19.62, "c1": 0.2}}
 HENON = {"name": "henon", "parameters": {"a": 1.4, "b": 0.3}}
@@ -261,7 +262,7 @@ def main():
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=100.0)
+    parser.add_argument("--seconds", type=float, default=100.0 * SLOWNESS)
     parser.add_argument("--keep", type=Path)
     given = parser.parse_args()
     folder = given.keep or Path(tempfile.mkdtemp(prefix="combinations"))
