@@ -23,7 +23,7 @@ struct LinkGap {
 
 /// Blocks whose intervals miss the next node by more than three sds of matching, or a reading with normal errors by
 /// more than 4.5 of its sds, ascending. All have a next node.
-/// @param place  of the residual's estimate.
+/// @param place  of the residual among all of the estimate.
 [[nodiscard]] std::vector<std::size_t> missed_places(const orbits::ShootingResidual& residual,
                                                      const estimator::Estimate& estimate, std::size_t place);
 

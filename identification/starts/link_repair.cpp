@@ -46,12 +46,8 @@ bool has_ended(const estimator::Estimate& estimate) {
 
 estimator::Estimate interrupted(estimator::Estimate estimate) {
     estimate.status = estimator::EstimateStatus::interrupted;
-    estimate.message = "interrupted while links that miss were looked at";
+    estimate.message = "interrupted while places where the course misses were looked at";
     return estimate;
-}
-
-bool is_exact(const orbits::ShootingResidual& residual) {
-    return residual.matching().kind == orbits::Continuity::Kind::exact && !residual.matching().constraints;
 }
 
 /// The search within the pieces of one estimate.
@@ -194,10 +190,13 @@ private:
     SeriesStart start_;
 };
 
-estimator::Estimate mended(const IdentificationProblem& problem, const EstimateSetup& setup,
-                           const std::vector<estimator::FreeParameter>& parameters, const ProblemResiduals& residuals,
-                           const estimator::EstimateOptions& options, estimator::Estimate estimate,
-                           const std::function<void(const std::string& line)>& told) {
+/// The estimate after as many rounds as gain something: first with few states and short pieces, then with many and
+/// long.
+estimator::Estimate mended_in_rounds(const IdentificationProblem& problem, const EstimateSetup& setup,
+                                     const std::vector<estimator::FreeParameter>& parameters,
+                                     const ProblemResiduals& residuals, const estimator::EstimateOptions& options,
+                                     estimator::Estimate estimate,
+                                     const std::function<void(const std::string& line)>& told) {
     constexpr int most_rounds = 16;
     constexpr double least_gain = 0.1;   // of the objective
     constexpr double most_missed = 0.5;  // of the links of a record
@@ -209,7 +208,8 @@ estimator::Estimate mended(const IdentificationProblem& problem, const EstimateS
         std::size_t all = 0, links = 0;
         for (std::size_t i = 0; i < residuals.shooting.size(); ++i) {
             const orbits::ShootingResidual& residual = *residuals.shooting[i];
-            if (!is_exact(residual) || estimate.active[first + i].is_intermediate_stage) continue;
+            if (!residual.matching().is_exact_with_slack() || estimate.active[first + i].is_intermediate_stage)
+                continue;
             const auto missed = missed_places(residual, estimate, first + i);
             if (static_cast<double>(missed.size()) > most_missed * static_cast<double>(residual.layout().size()))
                 continue;
@@ -283,11 +283,11 @@ estimator::Estimate with_mended_links(const IdentificationProblem& problem, cons
                                       estimator::Estimate estimate,
                                       const std::function<void(const std::string& line)>& told) {
     constexpr int most_times = 3;
-    estimate = mended(problem, setup, parameters, residuals, options, std::move(estimate), told);
+    estimate = mended_in_rounds(problem, setup, parameters, residuals, options, std::move(estimate), told);
     for (int i = 0; i < most_times; ++i) {
         std::optional<estimator::Estimate> tight = tightened(setup, parameters, residuals, options, estimate);
         if (!tight) return estimate;
-        estimate = mended(problem, setup, parameters, residuals, options, std::move(*tight), told);
+        estimate = mended_in_rounds(problem, setup, parameters, residuals, options, std::move(*tight), told);
     }
     return estimate;
 }

@@ -19,8 +19,9 @@ namespace orbid::identification {
 /// wrong side, with links or readings that no error explains. So for each of these nodes the states are sought from
 /// which the model explains the readings up to the next node: from 8 states drawn from its error ball. With each of
 /// them the piece of 4 nodes on either side is estimated by itself, with normal links that begin loose. Where that
-/// misses less, the estimate goes on from there. Where nothing is gained so, 64 states and 8 nodes are tried. Eight
-/// rounds at most.
+/// misses less, the estimate goes on from there. Where nothing is gained so, 64 states and 8 nodes are tried. Sixteen
+/// rounds at most. Where errors of readings turn out smaller without the wrong courses, links are tightened in
+/// proportion (ShootingResidual::tighten()) and looked at again.
 ///
 /// Where more than half of the intervals miss, the model is wrong or far away, and the estimate is returned as it is.
 /// @param told  what was mended, one line per round; may be empty.

@@ -31,6 +31,9 @@ struct Continuity {
     bool constraints = false;
     /// > 0: in place of `sd`, which is this share of each coordinate's range.
     double share = 0.0;
+
+    /// Whether links keep a small numerical slack, which intervals allow for.
+    [[nodiscard]] bool is_exact_with_slack() const { return kind == Kind::exact && !constraints; }
 };
 
 /// Exact matching: its sd over that of the readings, both relative to the ranges. Smaller ratios give no more

@@ -237,7 +237,7 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
 
 bool ShootingResidual::tighten(estimator::ActiveSet& active) const {
     constexpr double far_smaller = 0.7;
-    if (matching_.kind != Continuity::Kind::exact || matching_.constraints) return false;
+    if (!matching_.is_exact_with_slack()) return false;
     VectorXd& memory = active.memory.front();
     const double before = memory[reading_noise];
     find_noise(active);

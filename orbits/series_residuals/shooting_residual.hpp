@@ -150,8 +150,7 @@ public:
     }
     /// Whether courses fold within the errors of readings: sections with noise, matched exactly. See exact_matching().
     [[nodiscard]] bool folds(const estimator::ActiveSet& active) const {
-        return matching_.kind == Continuity::Kind::exact && !matching_.constraints && !sampled() &&
-               noise(active) > noisy_readings;
+        return matching_.is_exact_with_slack() && !sampled() && noise(active) > noisy_readings;
     }
     /// Makes exact matching of a set as tight as its scales of readings ask for, where these are far smaller than when
     /// it became as tight as it is.
