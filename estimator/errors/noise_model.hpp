@@ -54,6 +54,9 @@ struct NoiseModel {
     [[nodiscard]] Eigen::VectorXd own(const Eigen::VectorXd& psi) const { return psi.segment(first, size()); }
     /// Records may be replaced by the R factor of their rows: the law depends on sums of squares only.
     [[nodiscard]] bool compressible() const;
+    /// Fisher information of a record on ln s, where that alone divides the record: 2 of normal errors. Else 0.
+    /// @param psi  of this law alone, shape (coordinates).
+    [[nodiscard]] double scale_information(const Eigen::VectorXd& psi) const;
     /// Whether all of Curvature are the same: normal errors whose covariance does not depend on the prediction.
     [[nodiscard]] bool has_one_curvature() const;
     /// Whitened rows per record: relative errors have two, first all of the mean and then all of the variance.

@@ -166,6 +166,13 @@ bool NoiseModel::compressible() const {
                         std::holds_alternative<LogNormalErrors>(distribution));
 }
 
+double NoiseModel::scale_information(const Eigen::VectorXd& psi) const {
+    if (compressible()) return 2.0;
+    // 2 nu / (nu + 3) (Lange, Little and Taylor 1989).
+    if (std::holds_alternative<StudentErrors>(distribution)) return 2.0 / (1.0 + 3.0 * std::exp(-psi[1]));
+    return std::holds_alternative<LaplaceErrors>(distribution) ? 1.0 : 0.0;
+}
+
 bool NoiseModel::has_one_curvature() const {
     return joint() || compressible() || std::holds_alternative<AutoregressiveErrors>(distribution);
 }

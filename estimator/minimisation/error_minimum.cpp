@@ -2,6 +2,7 @@
 #include <cmath>
 #include <utility>
 
+#include "estimator/minimisation/average_information.hpp"
 #include "estimator/minimisation/error_parameter.hpp"
 #include "estimator/minimisation/far_step.hpp"
 #include "models/arithmetic/cholesky_factor.hpp"
@@ -26,21 +27,6 @@ Eigen::MatrixXd made_definite(const Eigen::MatrixXd& hessian) {
     const Eigen::VectorXd size = eigen.values.cwiseAbs();
     const double least = std::max(1e-6 * size.maxCoeff(), 1e-300);
     return eigen.vectors * size.cwiseMax(least).asDiagonal() * eigen.vectors.transpose();
-}
-
-/// Curvature to start with: 2 fit for plain scales (exact curvature of ln s at its minimum is 2 n), differences else.
-Eigen::MatrixXd first_hessian(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& psi,
-                              const std::vector<Eigen::Index>& free) {
-    const auto count = static_cast<Eigen::Index>(free.size());
-    Eigen::VectorXd diagonal(count);
-    bool plain = true;
-    for (Eigen::Index i = 0; i < count; ++i) {
-        diagonal[i] = 2.0 * point.fit[free[static_cast<std::size_t>(i)]];
-        plain = plain && diagonal[i] > 0.0;
-    }
-    // Latent states distribute the residuals between scales: their curvature is far from that of separate ones.
-    if (plain && problem.set->latents == 0) return diagonal.asDiagonal();
-    return made_definite(error_hessian(problem, point, psi, free));
 }
 
 /// A place to go to.
@@ -80,6 +66,7 @@ private:
     }
     void release();
     void measure();
+    void take_curvature();
     [[nodiscard]] Eigen::VectorXd newton_step() const;
     void take_untried(const Eigen::VectorXd& newton);
     [[nodiscard]] std::vector<Eigen::VectorXd> candidates(const Eigen::VectorXd& newton) const;
@@ -115,12 +102,29 @@ void ErrorDescent::release() {
     }
 }
 
+/// Curvature to start with: 2 fit for plain scales (exact curvature of ln s at its minimum is 2 n). Latent states
+/// distribute the residuals between scales: their curvature is far from that of separate ones.
+void ErrorDescent::take_curvature() {
+    const Eigen::VectorXd fit = point_.fit(free_);
+    if (problem_.set->latents == 0 && (fit.array() > 0.0).all()) {
+        curvature_.hessian = (2.0 * fit).asDiagonal();
+        return;
+    }
+    if (has_average_information(problem_, minimum_.psi, free_)) {
+        if (droppable_) point_.reduced_problem.drop_blocks();
+        WhitenedArrow rows = droppable_ ? std::exchange(point_.standard, {}) : point_.standard;
+        curvature_.hessian = average_information(problem_, minimum_.psi, std::move(rows), point_.step, free_);
+        return;
+    }
+    if (droppable_) point_.drop_factors();
+    curvature_.hessian = made_definite(error_hessian(problem_, point_, minimum_.psi, free_));
+}
+
 /// Curvature over the parameters that may move, and the distance to their minimum.
 void ErrorDescent::measure() {
     minimum_.distance = 0.0;
     if (free_.empty()) return;
-    if (free_ != curvature_.free && droppable_) point_.drop_factors();
-    if (free_ != curvature_.free) curvature_.hessian = first_hessian(problem_, point_, minimum_.psi, free_);
+    if (free_ != curvature_.free) take_curvature();
     curvature_.free = free_;
     const Eigen::VectorXd gradient = point_.gradient(free_);
     for (Eigen::Index i = 0; i < gradient.size(); ++i)
@@ -213,7 +217,7 @@ void ErrorDescent::move_to(ErrorTrial best) {
     ++minimum_.steps;
     // A long step gives no information about the curvature where it ends.
     if (s.lpNorm<Eigen::Infinity>() > 0.5)
-        curvature_.hessian = first_hessian(problem_, point_, minimum_.psi, free_);
+        take_curvature();
     else
         update(curvature_.hessian, s, y);
 }

@@ -5,41 +5,12 @@
 #include <utility>
 
 #include "estimator/algebra/block_loop.hpp"
+#include "estimator/minimisation/row_coordinate.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
 namespace {
-
-/// One coordinate of the error parameters in some rows of a block.
-struct RowCoordinate {
-    Eigen::Index k = 0;              ///< of psi
-    const PartRows* part = nullptr;  ///< null: a block with a covariance shape
-    Eigen::Index first = 0;          ///< of the part's rows
-    Eigen::Index rows = 0;
-    bool plain = false;  ///< the scale of a law that sees sums of squares only, in a block without shape
-};
-
-/// Calls use() for the free error parameters of a block's rows, always in the same order.
-template <class Use>
-void for_coordinates(const ErrorProblem& problem, const BlockRows& block, const std::vector<PartRows>& parts, Use use) {
-    const std::vector<NoiseModel>& laws = *problem.laws;
-    if (block.rows.size() > 0) {
-        for (std::size_t k = 0; k < problem.free.size(); ++k)
-            if (problem.free[k]) use(RowCoordinate{static_cast<Eigen::Index>(k), nullptr, 0, 0, false});
-        return;
-    }
-    Eigen::Index row = 0;
-    for (const PartRows& part : parts) {
-        const NoiseModel& law = laws[part.law];
-        const Eigen::Index rows = part.records.rows.rows() * law.rows_per_record();
-        for (std::size_t j = 0; j < law.coordinates.size(); ++j) {
-            const Eigen::Index k = law.first + static_cast<Eigen::Index>(j);
-            if (problem.free[static_cast<std::size_t>(k)]) use(RowCoordinate{k, &part, row, rows, law.compressible()});
-        }
-        row += rows;
-    }
-}
 
 /// s^T P s summed over some rows s, P of the leading columns.
 double leverage(const Eigen::Ref<const Eigen::MatrixXd>& rows, const Eigen::Ref<const Eigen::MatrixXd>& covariance,
@@ -68,10 +39,11 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
     bool any_linked = false;
     for (const BlockRows& block : *problem.rows) {
         result.own.push_back(count);
-        for_coordinates(problem, block, block.parts, [&](const RowCoordinate&) { ++count; });
+        for_coordinates(*problem.laws, problem.free, block, block.parts, [&](const RowCoordinate&) { ++count; });
         result.linked.push_back(count);
         if (!block.linked_parts.empty())
-            for_coordinates(problem, block, block.linked_parts, [&](const RowCoordinate&) { ++count; });
+            for_coordinates(*problem.laws, problem.free, block, block.linked_parts,
+                            [&](const RowCoordinate&) { ++count; });
         any_linked = any_linked || count > result.linked.back();
     }
     result.value.assign(count, 0.0);
@@ -80,7 +52,7 @@ Traces traces(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Err
                          const Eigen::Ref<const Eigen::MatrixXd>& rows,
                          const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
         if (rows.rows() == 0 || covariance.cols() == 0) return;
-        for_coordinates(problem, (*problem.rows)[b], parts, [&](const RowCoordinate& coordinate) {
+        for_coordinates(*problem.laws, problem.free, (*problem.rows)[b], parts, [&](const RowCoordinate& coordinate) {
             if (coordinate.plain) {
                 result.value[slot++] = -leverage(rows, covariance, coordinate.first, coordinate.rows);
                 return;
@@ -123,7 +95,7 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
     for (Eigen::Index j = 0; j < moved.size(); ++j)
         for (Eigen::Index i = 0; i < w.size(); ++i)
             w[i] += at(i, j) * moved[j];
-    for_coordinates(problem, block, parts, [&](const RowCoordinate& coordinate) {
+    for_coordinates(*problem.laws, problem.free, block, parts, [&](const RowCoordinate& coordinate) {
         const Eigen::Index k = coordinate.k;
         const double trace = *slot++;
         if (coordinate.plain) {
@@ -153,16 +125,9 @@ void add_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Blo
     });
 }
 
-/// The step of parameters and latent states that errors follow: to the minimum of the quadratic model.
-struct Followed {
-    Eigen::VectorXd y;
-    Eigen::VectorXd u;                 ///< basis y
-    std::vector<Eigen::VectorXd> d_z;  ///< empty: neither moves
-};
-
 /// @param rhs  of the determined parameters, see ErrorPoint::triangle.
-Followed followed(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& rhs) {
-    Followed step;
+ErrorStep followed(const ErrorProblem& problem, const ErrorPoint& point, const Eigen::VectorXd& rhs) {
+    ErrorStep step;
     const bool all = problem.follow == Follow::all && rhs.size() > 0;
     if (!all && problem.set->latents == 0) return step;
     step.y = problem.prior_gradient;
@@ -179,7 +144,8 @@ Followed followed(const ErrorProblem& problem, const ErrorPoint& point, const Ei
 }
 
 /// Adds the contributions of all rows to the gradient.
-void add_all_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, const Followed& step, ErrorPoint& point) {
+void add_all_rows(const ErrorProblem& problem, const Eigen::VectorXd& psi, ErrorPoint& point) {
+    const ErrorStep& step = point.step;
     const Traces trace = traces(problem, psi, point);
     const RowSums zero{Eigen::VectorXd::Zero(psi.size()), Eigen::VectorXd::Zero(psi.size()),
                        Eigen::VectorXd::Zero(psi.size())};
@@ -256,7 +222,8 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));
     point.triangle = factor.topLeftCorner(rank, rank);
     point.rest = point.reduced_problem.rest * point.reduced_problem.rest + factor(rank, rank) * factor(rank, rank);
-    const Followed step = followed(problem, point, factor.topRightCorner(rank, 1));
+    point.step = followed(problem, point, factor.topRightCorner(rank, 1));
+    const ErrorStep& step = point.step;
     if (!step.d_z.empty()) {
         const ModelChange change = model_change(point.standard.arrow, step.u, step.d_z);
         point.value += change.linear + 0.5 * change.quadratic + problem.prior_gradient.dot(step.y) +
@@ -264,7 +231,7 @@ ErrorPoint evaluate_errors(const ErrorProblem& problem, const Eigen::VectorXd& p
     }
     if (problem.restricted) point.value += point.triangle.diagonal().array().abs().log().sum();
     point.value += log_abs_determinant(point.reduced_problem);
-    add_all_rows(problem, psi, step, point);
+    add_all_rows(problem, psi, point);
     add_error_priors(problem, psi, point);
     return point;
 }

@@ -36,6 +36,13 @@ struct ErrorProblem {
     Follow follow = Follow::latents;
 };
 
+/// The step of parameters and latent states that errors follow: to the minimum of the quadratic model.
+struct ErrorStep {
+    Eigen::VectorXd y;                 ///< of the determined parameters
+    Eigen::VectorXd u;                 ///< basis y
+    std::vector<Eigen::VectorXd> d_z;  ///< empty: neither moves
+};
+
 /// Value and gradient of Phi_psi; shape (error parameters).
 struct ErrorPoint {
     double value = 0.0;
@@ -48,11 +55,13 @@ struct ErrorPoint {
     WhitenedArrow standard;  ///< rows kept
     ReducedProblem reduced_problem;  ///< in the columns of u
     Eigen::MatrixXd triangle;        ///< R of the determined parameters with prior, latent states eliminated
+    ErrorStep step;
 
     /// Frees all that has a part for every block.
     void drop_factors() {
         standard = {};
         reduced_problem.drop_blocks();
+        step = {};
     }
 };
 

@@ -198,14 +198,17 @@ ShootingResidual::Simulated ShootingResidual::simulated(const Chunk& chunk, cons
 }
 
 /// Derivatives of the state at an instant (-1: the node) with respect to the node and the parameters, shape (n, d).
-MatrixXd ShootingResidual::sensitivity(const Simulated& run, Index k, std::size_t node, Index instant) const {
+void ShootingResidual::set_sensitivity(const Simulated& run, Index k, std::size_t node, Index instant,
+                                       MatrixXd& result) const {
     const Data& data = *data_;
     const Index n = run.states.rows();
     const Index d = run.directions;
-    if (instant < 0) return MatrixXd::Identity(n, d);
-    MatrixXd result =
-        run.flows[static_cast<std::size_t>(k)].sensitivity(run.place[static_cast<std::size_t>(instant)], d);
-    if (run.rates.size() == 0) return result;
+    if (instant < 0) {
+        result.setIdentity(n, d);
+        return;
+    }
+    result = run.flows[static_cast<std::size_t>(k)].sensitivity(run.place[static_cast<std::size_t>(instant)], d);
+    if (run.rates.size() == 0) return;
     const auto rate = run.rates.col(run.column(k, instant));
     // Beginning later by dt in the same state leads to x(t) + [f(x(t)) - X f(x0)] dt.
     const VectorXd later = rate - result.leftCols(n) * run.rates.col(run.column(k, -1));
@@ -220,7 +223,6 @@ MatrixXd ShootingResidual::sensitivity(const Simulated& run, Index k, std::size_
         moved = shift * later;
     }
     result.rightCols(d - n) += moved * data.omega_slopes.transpose();
-    return result;
 }
 
 void ShootingResidual::evaluate(const Chunk& chunk, const VectorXd& all, const std::vector<VectorXd>& latents,
@@ -261,10 +263,9 @@ BlockValue ShootingResidual::value(const Simulated& run, Index k, std::size_t b,
     MatrixXd state;  // derivatives of the one at the present instant
     Index loaded = -2;
     const auto load = [&](Index instant) {
-        if (loaded != instant) state = sensitivity(run, k, b, instant);
+        if (loaded != instant) set_sensitivity(run, k, b, instant, state);
         loaded = instant;
     };
-    Eigen::RowVectorXd total(d);
     for (Index r = 0; r < records; ++r) {
         const PlannedReading& reading = readings[static_cast<std::size_t>(r)];
         const Index column = run.column(k, reading.instant);
@@ -274,12 +275,17 @@ BlockValue ShootingResidual::value(const Simulated& run, Index k, std::size_t b,
             value.e[r] = models::wrapped(value.e[r]);
         if (!derivatives) continue;
         load(reading.instant);
+        // Plain loops: the matrices are as small as a state, and a call for general ones costs more than the sums.
         const auto by = run.read.derivatives.block(reading.coordinate, column * d, 1, d);
-        total.noalias() = by.leftCols(n) * state;
-        total.rightCols(d - n) += by.rightCols(d - n);
-        value.e_z.row(r) = -total.leftCols(n);
-        for (std::size_t j = 0; j < estimated.size(); ++j)
-            value.e_theta(r, estimated[j]) -= total[n + static_cast<Index>(j)];
+        for (Index j = 0; j < d; ++j) {
+            double total = j < n ? 0.0 : by(0, j);
+            for (Index i = 0; i < n; ++i)
+                total += by(0, i) * state(i, j);
+            if (j < n)
+                value.e_z(r, j) = -total;
+            else
+                value.e_theta(r, estimated[static_cast<std::size_t>(j - n)]) -= total;
+        }
     }
     if (matched) {
         const Index match = run.pattern->match;

@@ -223,8 +223,8 @@ private:
                   bool derivatives, std::vector<estimator::BlockValue>& values) const;
     [[nodiscard]] Simulated simulated(const Chunk& chunk, const Eigen::VectorXd& all,
                                       const std::vector<Eigen::VectorXd>& latents, bool derivatives) const;
-    [[nodiscard]] Eigen::MatrixXd sensitivity(const Simulated& run, Eigen::Index k, std::size_t node,
-                                              Eigen::Index instant) const;
+    void set_sensitivity(const Simulated& run, Eigen::Index k, std::size_t node, Eigen::Index instant,
+                         Eigen::MatrixXd& result) const;
     [[nodiscard]] estimator::BlockValue value(const Simulated& run, Eigen::Index k, std::size_t b,
                                               const std::vector<Eigen::VectorXd>& latents, bool derivatives) const;
     [[nodiscard]] const models::System& system_of(std::size_t segment) const {
