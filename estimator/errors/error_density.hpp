@@ -55,7 +55,7 @@ T ln_cosh(const T& x) {
 /// ln of sqrt(nu pi) Gamma(nu / 2) / Gamma((nu + 1) / 2), the normalisation of Student's density.
 inline double student_normalisation(double nu) {
     // The ratio directly: the difference of two ln Gamma has lost five digits at nu = 1e4. In double, not extended
-    // precision: it is computed once per block, and took an eighth of the time of a long chain.
+    // precision, which takes far longer.
     using plain = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
     return 0.5 * std::log(nu * std::numbers::pi) + std::log(boost::math::tgamma_delta_ratio(0.5 * nu, 0.5, plain()));
 }

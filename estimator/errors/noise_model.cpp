@@ -37,17 +37,29 @@ T step_share(const T& share, double least, Curvature curvature) {
     return value_of(share) > least ? share : T(least);
 }
 
-/// WhitenedRows of plain or dual numbers.
-template <class T>
-struct Rows {
-    Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> rows;
-    T value{};
-};
-
 template <class T>
 using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
 template <class T>
 using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+
+/// WhitenedRows of plain numbers; of dual ones the slopes of the rows, and the value.
+template <class T>
+struct Rows {
+    Eigen::MatrixXd rows;
+    T value{};
+};
+
+/// What Rows holds of these numbers.
+double held(double x) {
+    return x;
+}
+double held(const Slope& x) {
+    return x.partial[0];
+}
+template <class T>
+Eigen::MatrixXd held(const Matrix<T>& rows) {
+    return rows.unaryExpr([](const T& x) { return held(x); });
+}
 
 /// Whitened rows sqrt(h_i) [a_i | g_i / h_i] from first row `from` on: their squares are h a a^T, their gradients
 /// g a. The vectors hold sqrt(h_i) and g_i / sqrt(h_i). Column by column, as matrices lie in memory.
@@ -55,27 +67,31 @@ template <class T>
 void set_rows(Rows<T>& result, const LawRecords& records, const Vector<T>& root, const Vector<T>& last,
               Eigen::Index from = 0) {
     const Eigen::Index columns = records.rows.cols() - 1;
+    Eigen::VectorXd factor(root.size());
+    for (Eigen::Index i = 0; i < root.size(); ++i) {
+        factor[i] = held(root[i]);
+        result.rows(from + i, columns) = held(last[i]);
+    }
     for (Eigen::Index j = 0; j < columns; ++j)
-        result.rows.col(j).segment(from, root.size()) = records.rows.col(j).template cast<T>().cwiseProduct(root);
-    result.rows.col(columns).segment(from, root.size()) = last;
+        result.rows.col(j).segment(from, root.size()) = records.rows.col(j).cwiseProduct(factor);
 }
 
-/// Not by squaredNorm(), which conjugates.
+/// Half the squares of the last column. Not by squaredNorm(), which conjugates.
 template <class T>
-void add_half_squares(Rows<T>& result) {
-    const Eigen::Index last = result.rows.cols() - 1;
-    for (Eigen::Index i = 0; i < result.rows.rows(); ++i)
-        result.value += 0.5 * result.rows(i, last) * result.rows(i, last);
+T half_squares(const Matrix<T>& rows) {
+    const Eigen::Index last = rows.cols() - 1;
+    T sum(0.0);
+    for (Eigen::Index i = 0; i < rows.rows(); ++i)
+        sum += 0.5 * rows(i, last) * rows(i, last);
+    return sum;
 }
 
 template <class T>
 Rows<T> normal_rows(const LawRecords& records, const T& ln_scale) {
     using std::exp;
-    Rows<T> result{records.rows.template cast<T>() * exp(-ln_scale), T(0.0)};
+    const Matrix<T> rows = records.rows.template cast<T>() * exp(-ln_scale);
     const auto n = static_cast<double>(records.count);
-    result.value = n * ln_scale + 0.5 * n * ln_two_pi;
-    add_half_squares(result);
-    return result;
+    return {held(rows), n * ln_scale + 0.5 * n * ln_two_pi + half_squares(rows)};
 }
 
 /// Rows of independent records: law(e, value) adds -ln p of one to the value and gives its weight g / e and its h.
@@ -83,7 +99,7 @@ template <class T, class Law>
 Rows<T> weighted_rows(const LawRecords& records, const T& value, const Law& law) {
     using std::sqrt;
     const Eigen::Index n = records.rows.rows();
-    Rows<T> result{Matrix<T>(n, records.rows.cols()), static_cast<double>(n) * value};
+    Rows<T> result{Eigen::MatrixXd(n, records.rows.cols()), static_cast<double>(n) * value};
     Vector<T> root(n);
     Vector<T> last(n);
     for (Eigen::Index i = 0; i < n; ++i) {
@@ -97,7 +113,7 @@ Rows<T> weighted_rows(const LawRecords& records, const T& value, const Law& law)
 }
 
 template <class T>
-Rows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
+Rows<T> student_rows(const NoiseModel& law, const LawRecords& records, const Vector<T>& psi, Curvature curvature) {
     using std::exp;
     const T s = exp(psi[0]);
     const T nu = exp(psi[1]);
@@ -106,7 +122,8 @@ Rows<T> student_rows(const LawRecords& records, const Vector<T>& psi, Curvature 
     const T half = 0.5 * (nu + 1.0);
     // In a slope the logarithm itself counts only where nu varies.
     const bool counts = detail::varies(nu);
-    return weighted_rows<T>(records, psi[0] + detail::student_normalisation(nu), [&](double e, T& value) {
+    const T normalisation = law.normalisation && !counts ? T(*law.normalisation) : detail::student_normalisation(nu);
+    return weighted_rows<T>(records, psi[0] + normalisation, [&](double e, T& value) {
         const T sum = spread + e * e;
         const T weight = (nu + 1.0) / sum;
         value += half * detail::lift(
@@ -147,7 +164,7 @@ Rows<T> relative_rows(const LawRecords& records, const Vector<T>& psi, Curvature
     const T factor = exp(2.0 * psi[1]);
     const double half_root = 0.5 * std::numbers::sqrt2;
     const Eigen::Index n = records.rows.rows();
-    Rows<T> result{Matrix<T>(2 * n, records.rows.cols()), T(0.5 * static_cast<double>(n) * ln_two_pi)};
+    Rows<T> result{Eigen::MatrixXd(2 * n, records.rows.cols()), T(0.5 * static_cast<double>(n) * ln_two_pi)};
     Vector<T> root(n);
     Vector<T> last(n);
     // The second rows stay zero for a step: shape and sums do not depend on the curvature requested.
@@ -189,12 +206,11 @@ T ln_determinant(const Matrix<T>& triangle) {
 
 template <class T>
 Rows<T> autoregressive_rows(const LawRecords& records, const Vector<T>& psi) {
-    Rows<T> result{detail::decorrelated<T>(records.rows, psi), T(0.0)};
+    const Matrix<T> rows = detail::decorrelated<T>(records.rows, psi);
     const auto n = static_cast<double>(records.rows.rows());
-    result.value = n * psi[0] + 0.5 * n * ln_two_pi;
+    Rows<T> result{held(rows), n * psi[0] + 0.5 * n * ln_two_pi + half_squares(rows)};
     // ln sqrt(1 - rho^2) = -ln cosh(psi), for every innovation.
     if (records.rows.rows() > 1) result.value -= (n - 1.0) * detail::ln_cosh(psi[1]);
-    add_half_squares(result);
     return result;
 }
 
@@ -202,11 +218,10 @@ template <class T>
 Rows<T> joint_rows(const NoiseModel& law, const LawRecords& records, const Vector<T>& psi) {
     const auto m = static_cast<Eigen::Index>(law.channels.size());
     const Matrix<T> triangle = detail::covariance_triangle<T>(psi, m);
-    Rows<T> result{detail::uncoupled<T>(records.rows, triangle), T(0.0)};
+    const Matrix<T> rows = detail::uncoupled<T>(records.rows, triangle);
     const auto n = static_cast<double>(records.rows.rows() / m);
-    result.value = n * (ln_determinant<T>(triangle) + 0.5 * static_cast<double>(m) * ln_two_pi);
-    add_half_squares(result);
-    return result;
+    const T normalisation = n * (ln_determinant<T>(triangle) + 0.5 * static_cast<double>(m) * ln_two_pi);
+    return {held(rows), normalisation + half_squares(rows)};
 }
 
 /// -ln density of the inverse-Wishart distribution at V = L L^T with nu degrees of freedom and matrix Psi:
@@ -255,7 +270,7 @@ Rows<T> rows_of(const NoiseModel& law, const LawRecords& records, const Vector<T
     assert(records.rows.cols() > 0);
     if (law.joint()) return joint_rows<T>(law, records, psi);
     if (law.slack && curvature == Curvature::expected) curvature = Curvature::guarded;
-    if (std::holds_alternative<StudentErrors>(law.distribution)) return student_rows<T>(records, psi, curvature);
+    if (std::holds_alternative<StudentErrors>(law.distribution)) return student_rows<T>(law, records, psi, curvature);
     if (std::holds_alternative<LaplaceErrors>(law.distribution)) return laplace_rows<T>(records, psi[0], curvature);
     if (std::holds_alternative<RelativeErrors>(law.distribution)) return relative_rows<T>(records, psi, curvature);
     if (std::holds_alternative<AutoregressiveErrors>(law.distribution)) return autoregressive_rows<T>(records, psi);
@@ -297,8 +312,8 @@ WhitenedRows whitened_rows(const NoiseModel& law, const LawRecords& records, con
 
 WhitenedRows whitened_rows_slope(const NoiseModel& law, const LawRecords& records, const Eigen::VectorXd& psi,
                                  Eigen::Index j, Curvature curvature) {
-    const Rows<Slope> result = rows_of<Slope>(law, records, varied(psi, j), curvature);
-    return {result.rows.unaryExpr([](const Slope& x) { return x.partial[0]; }), result.value.partial[0]};
+    Rows<Slope> result = rows_of<Slope>(law, records, varied(psi, j), curvature);
+    return {std::move(result.rows), result.value.partial[0]};
 }
 
 double prior_term(const NoiseModel& law, const Eigen::VectorXd& psi) {

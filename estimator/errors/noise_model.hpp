@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,7 +44,9 @@ struct NoiseModel {
     std::vector<ErrorCoordinate> coordinates;  ///< shape (number of error parameters)
     Eigen::Index first = 0;                    ///< of its parameters in the psi of the whole estimate
     bool slack = false;                        ///< Group::slack with a fixed scale
-    double inverse_wishart_dof = 0.0;          ///< see JointCovariance
+    /// Of Student's density with a fixed dof, see error_density.hpp; computed here once, not in every block.
+    std::optional<double> normalisation{};
+    double inverse_wishart_dof = 0.0;  ///< see JointCovariance
     Eigen::MatrixXd inverse_wishart_psi;
 
     [[nodiscard]] bool joint() const { return channels.size() > 1; }

@@ -85,9 +85,11 @@ NoiseModel law_of_one(const Group& group, int channel) {
     law.channels = {channel};
     law.slack = group.slack && !group.scale.estimate;
     law.coordinates.push_back(scale_coordinate(group));
-    if (const auto* student = std::get_if<StudentErrors>(&group.distribution))
-        law.coordinates.push_back(
+    if (const auto* student = std::get_if<StudentErrors>(&group.distribution)) {
+        const ErrorCoordinate& dof = law.coordinates.emplace_back(
             shape_coordinate(group, "dof", Kind::log, student->dof, least_dof, most_dof, ">= 1 and <= 10000"));
+        if (!dof.estimate) law.normalisation = detail::student_normalisation(dof.natural(dof.at(dof.start)));
+    }
     if (const auto* relative = std::get_if<RelativeErrors>(&group.distribution))
         law.coordinates.push_back(
             shape_coordinate(group, "relative", Kind::log, relative->relative, least_relative, infinity, ">= 1e-9"));

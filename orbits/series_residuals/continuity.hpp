@@ -82,10 +82,12 @@ inline constexpr double least_diffusion = 1e-4;
     return exact > least_tightness * noise ? exact : least_tightness * noise;
 }
 
-/// Share of the matching sd that the next stage keeps. With noisy readings a tenfold drop leaves single intervals on
-/// the wrong branch of a fold.
-[[nodiscard]] inline double next_share(double noise) {
-    return noise > noisy_readings ? 0.4 : 0.1;
+/// Share of the matching sd that the next stage keeps. With noisy readings of sections a tenfold drop leaves single
+/// intervals on the wrong branch of a fold. With readings at times it does not, and once matching is tighter than
+/// readings the last stage follows at once: of 53 chaotic systems as many are solved as with 0.4, at noise 1 % (50) and
+/// at 5 % (49), in seven eighths of the time.
+[[nodiscard]] inline double next_share(double noise, bool sampled) {
+    return noise > noisy_readings && !sampled ? 0.4 : 0.1;
 }
 
 }  // namespace orbid::orbits

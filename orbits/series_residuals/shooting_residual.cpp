@@ -230,7 +230,7 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     const double noise = memory[reading_noise];
     double& end = memory[final_tightness];
     if (matching_.kind == Continuity::Kind::exact) end = std::min(memory[tightness], exact_matching(noise, sampled()));
-    memory[tightness] = std::max(end, next_share(noise) * memory[tightness]);
+    memory[tightness] = sampled() && !loose ? end : std::max(end, next_share(noise, sampled()) * memory[tightness]);
     apply_matching(active);
     return {};
 }
