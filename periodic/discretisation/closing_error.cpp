@@ -22,6 +22,15 @@ StepImage Discretisation::state(Index /*j*/, const VectorXd& z, double /*time*/,
     return image;
 }
 
+std::vector<StepImage> Discretisation::advance_all(const MatrixXd& nodes, double time,
+                                                   std::span<const Index> free) const {
+    std::vector<StepImage> images(static_cast<std::size_t>(nodes.cols()));
+    tbb::parallel_for(Index{0}, nodes.cols(),
+                      [&](Index j) { images[static_cast<std::size_t>(j)] = advance(j, nodes.col(j), time, free); });
+    models::stop_if_left();
+    return images;
+}
+
 std::vector<MatrixXd> Discretisation::propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& /*nodes*/,
                                                   double /*time*/) const {
     return jacobians;
@@ -50,25 +59,22 @@ ClosingError closing_error(const Discretisation& discretisation, const MatrixXd&
     result.parameters.resize(d * count, f);
     // ln T is the unknown: a step of a few hundred is infinite in T, or nothing.
     if (discretisation.unknown_time() && !(time > 0.0 && std::isfinite(time))) return result;
-    std::vector<unsigned char> failed(static_cast<std::size_t>(count), 0);
-    std::vector<unsigned char> stuck(static_cast<std::size_t>(count), 0);
-    tbb::parallel_for(Index{0}, count, [&](Index j) {
+    std::vector<StepImage> images = discretisation.advance_all(nodes, time, free);
+    result.simulated = true;
+    for (Index j = 0; j < count; ++j) {
         const auto slot = static_cast<std::size_t>(j);
-        StepImage image = discretisation.advance(j, nodes.col(j), time, free);
+        StepImage& image = images[slot];
         if (!image.simulated || !image.value.allFinite() || !image.by_state.allFinite() ||
             !image.by_parameters.allFinite() || !image.by_ln_time.allFinite()) {
-            failed[slot] = 1;
-            return;
+            result.simulated = false;
+            continue;
         }
         result.error.col(j) = image.value - nodes.col((j + 1) % count) - full_turn * turns.col(j);
         result.jacobians[slot] = std::move(image.by_state);
         if (discretisation.unknown_time()) result.by_ln_time.col(0).segment(d * j, d) = image.by_ln_time;
         if (f > 0) result.parameters.middleRows(d * j, d) = image.by_parameters;
-        stuck[slot] = image.sticking ? 1 : 0;
-    });
-    models::stop_if_left();
-    result.simulated = std::count(failed.begin(), failed.end(), 1) == 0;
-    result.sticking = std::count(stuck.begin(), stuck.end(), 1) > 0;
+        result.sticking = result.sticking || image.sticking;
+    }
     return result;
 }
 

@@ -18,8 +18,6 @@ struct ClosingError {
     MatrixXd parameters;              ///< shape (d N, f): dF_j / dtheta below each other
 };
 
-/// Steps are evaluated in parallel, each into its own place.
-///
 /// @param nodes  shape (d, N).
 /// @param turns  whole turns from z_j to z_{j+1} in each entry, shape (d, N).
 [[nodiscard]] ClosingError closing_error(const Discretisation& discretisation, const MatrixXd& nodes, double time,

@@ -41,6 +41,9 @@ public:
     /// F_j(z).
     [[nodiscard]] virtual StepImage advance(Index j, const VectorXd& z, double time,
                                             std::span<const Index> free) const = 0;
+    /// F_j(z_j) of all steps, one after the other; evaluated in parallel. @param nodes  shape (d, N).
+    [[nodiscard]] virtual std::vector<StepImage> advance_all(const MatrixXd& nodes, double time,
+                                                             std::span<const Index> free) const;
     /// The model's state at z_j, shape (n); by_state has shape (n, d).
     [[nodiscard]] virtual StepImage state(Index j, const VectorXd& z, double time, std::span<const Index> free) const;
     /// n x n factors of the monodromy matrix, the first one applied first; `jacobians` are those of advance(). One per
