@@ -111,6 +111,8 @@ void ErrorDescent::take_curvature() {
         return;
     }
     if (has_average_information(problem_, minimum_.psi, free_)) {
+        // Twice at a point, where a parameter came free.
+        if (point_.standard.arrow.blocks.empty()) point_ = evaluate_errors(problem_, minimum_.psi);
         if (droppable_) point_.reduced_problem.drop_blocks();
         WhitenedArrow rows = droppable_ ? std::exchange(point_.standard, {}) : point_.standard;
         curvature_.hessian = average_information(problem_, minimum_.psi, std::move(rows), point_.step, free_);

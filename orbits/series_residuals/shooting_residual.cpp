@@ -230,7 +230,8 @@ estimator::RefreshReport ShootingResidual::update_active_set(estimator::ActiveSe
     const double noise = memory[reading_noise];
     double& end = memory[final_tightness];
     if (matching_.kind == Continuity::Kind::exact) end = std::min(memory[tightness], exact_matching(noise, sampled()));
-    memory[tightness] = sampled() && !loose ? end : std::max(end, next_share(noise, sampled()) * memory[tightness]);
+    const double share = next_share(noise, sampled() && known_states);
+    memory[tightness] = sampled() && !loose ? end : std::max(end, share * memory[tightness]);
     apply_matching(active);
     return {};
 }
