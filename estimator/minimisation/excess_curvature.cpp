@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <utility>
 
 #include "estimator/algebra/block_loop.hpp"
 
@@ -14,8 +16,11 @@ constexpr std::size_t fewest_blocks = 100;
 /// Gains of whole steps that ask for no explanation, and for how many trials others are remembered.
 constexpr double least_usual_gain = 0.7, largest_usual_gain = 1.4;
 constexpr int trials_watched = 4;
-/// Blocks with so much of all deviations from the model are at fault, if together they have most of them.
-constexpr double share_at_fault = 0.05, share_of_all = 0.5;
+/// The blocks that make up this share of all deviations from the model are at fault, if they are few.
+constexpr double share_of_all = 0.5;
+constexpr std::size_t most_at_fault = 10, blocks_for_one_at_fault = 5000;
+/// At a kink a secant across it tells much, and the next one on one side of it nothing: what was learned fades slowly.
+constexpr double kept_share = 0.25;
 /// Beyond this a deviation is not by the block's own states; nor is it where they are not read, or in no chain.
 constexpr double most_excess = 1000.0;
 /// Changes of the objective below this may be rounding.
@@ -52,22 +57,24 @@ void ExcessCurvature::compare(const Eigen::VectorXd& psi, const BlockErrors& fro
     const std::vector<double> actual = value_changes(set_, problem_.laws, psi, from, BlockErrors(to));
     const auto secant = [&](std::size_t b) { return 2.0 * (actual[b] - told_[b]) / square_[b]; };
     for (auto& [b, excess] : excess_)
-        if (0.5 * std::max(excess, 1.0) * square_[b] > least_change) excess = std::clamp(secant(b), 0.0, most_excess);
+        if (0.5 * std::max(excess, 1.0) * square_[b] > least_change)
+            excess = std::clamp(std::max(secant(b), kept_share * excess), 0.0, most_excess);
     if (gain > least_usual_gain) return;
     double all = 0.0;
-    for (std::size_t b = 0; b < told_.size(); ++b)
-        all += std::abs(actual[b] - told_[b]);
-    if (!(all > least_change)) return;
-    double found = 0.0;
-    std::vector<std::size_t> at_fault;
+    std::vector<std::pair<double, std::size_t>> worse;
     for (std::size_t b = 0; b < told_.size(); ++b) {
-        if (!(actual[b] - told_[b] > share_at_fault * all)) continue;
-        found += actual[b] - told_[b];
-        if (secant(b) < most_excess) at_fault.push_back(b);
+        const double deviation = actual[b] - told_[b];
+        all += std::abs(deviation);
+        if (deviation > least_change) worse.emplace_back(deviation, b);
     }
-    if (!(found > share_of_all * all)) return;
-    for (const std::size_t b : at_fault)
-        excess_.try_emplace(b, secant(b));
+    std::sort(worse.begin(), worse.end(), std::greater<>());
+    double found = 0.0;
+    std::size_t few = 0;
+    while (few < worse.size() && !(found > share_of_all * all))
+        found += worse[few++].first;
+    if (!(found > share_of_all * all) || few > most_at_fault + told_.size() / blocks_for_one_at_fault) return;
+    for (std::size_t i = 0; i < few; ++i)
+        if (const std::size_t b = worse[i].second; secant(b) < most_excess) excess_.try_emplace(b, secant(b));
 }
 
 }  // namespace orbid::estimator
