@@ -83,7 +83,8 @@ BlockRows linearised(const BlockSet& set, const std::vector<NoiseModel>& laws, c
             to.push_back({part.law, part_records(block, part, laws[part.law], value, slope, after)});
             // The R factor instead of the rows where that is shorter.
             Eigen::MatrixXd& own = to.back().records.rows;
-            if (compressed && laws[part.law].compressible() && 2 * own.rows() > 3 * own.cols()) own = upper_triangle(own);
+            if (compressed && laws[part.law].compressible() && 2 * own.rows() > 3 * own.cols())
+                own = upper_triangle(own);
         }
     };
     take(block.parts(), 0, rows.parts);

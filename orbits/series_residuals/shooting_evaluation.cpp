@@ -258,7 +258,7 @@ BlockValue ShootingResidual::value(const Simulated& run, Index k, std::size_t b,
     value.e.resize(records + (linked ? n : 0));
     if (derivatives) {
         value.e_theta = MatrixXd::Zero(value.e.size(), data.binding.estimated_count);
-        value.e_z.resize(value.e.size(), n);
+        value.e_z.setZero(value.e.size(), n);
     }
     MatrixXd state;  // derivatives of the one at the present instant
     Index loaded = -2;
@@ -281,10 +281,7 @@ BlockValue ShootingResidual::value(const Simulated& run, Index k, std::size_t b,
             double total = j < n ? 0.0 : by(0, j);
             for (Index i = 0; i < n; ++i)
                 total += by(0, i) * state(i, j);
-            if (j < n)
-                value.e_z(r, j) = -total;
-            else
-                value.e_theta(r, estimated[static_cast<std::size_t>(j - n)]) -= total;
+            (j < n ? value.e_z(r, j) : value.e_theta(r, estimated[static_cast<std::size_t>(j - n)])) -= total;
         }
     }
     if (matched) {
