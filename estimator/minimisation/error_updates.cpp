@@ -72,9 +72,11 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
     rounding_ = limit.rounding;
     // Scales of long data need not be better than the parameters, which have this far to go; while that is far the next
     // step repeats the search. Short data are always searched to the end. That costs nothing, and the likelihood of two
-    // scales may have another minimum nearby, where one of them is zero.
+    // scales may have another minimum nearby, where one of them is zero. Errors that are not normal take all records,
+    // also without latent states.
+    constexpr Eigen::Index many_records = 2000;
     ErrorSearch search;
-    if (is_long(set_)) {
+    if (is_long(set_) || set_.records >= many_records) {
         search.tolerance = std::clamp(1e-3 * length, 1e-12, 1e-2);
         search.known = &curvature_;
         if (length > 1e-2 && set_.constraints == 0) search.untried = 0.1;

@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t predicted_intervals = 2000;
 // The next stage moves the parameters again.
 constexpr int prediction_iterations = 60;
-constexpr double prediction_tolerance = 0.1;
+constexpr double prediction_tolerance = 0.1;  // of sds: errors of the readings bias it by more
 
 /// @param experiments  among which the intervals that are predicted are divided.
 std::unique_ptr<orbits::PredictionResidual> prediction_residual(const IdentificationProblem& problem,
