@@ -3,6 +3,12 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
+#include <numeric>
+#include <type_traits>
+#include <utility>
+
+#include "models/arithmetic/sine_and_cosine.hpp"
 
 namespace orbid::models {
 
@@ -26,15 +32,61 @@ constexpr bool vanishes(double x) {
     return x == 0.0;
 }
 
+namespace detail {
+
+/// Doubles of a vector register.
+#if defined(__AVX512F__)
+inline constexpr std::size_t register_width = 8;
+#elif defined(__AVX__)
+inline constexpr std::size_t register_width = 4;
+#else
+inline constexpr std::size_t register_width = 2;
+#endif
+
+/// So many doubles in a register, as GCC and Clang know them; one is a double.
+template <std::size_t width>
+struct RegisterOf {
+    using type __attribute__((vector_size(width * sizeof(double)))) = double;
+};
+template <>
+struct RegisterOf<1> {
+    using type = double;
+};
+
+/// result[i] = f(a[i]...). Doubles are read and written by registers as wide as N allows: the compiler then keeps
+/// partials in registers from one operation to the next. Loops over doubles it leaves in memory, where what is written
+/// in parts and read whole stalls the processor.
+template <class B, std::size_t N, class F, class... A>
+[[gnu::always_inline]] inline void each(const F& f, std::array<B, N>& result, const A&... a) {
+    if constexpr (std::is_same_v<B, double>) {
+        using Register = typename RegisterOf<std::gcd(N, register_width)>::type;
+        constexpr std::size_t width = sizeof(Register) / sizeof(double);
+        const auto part = [](const double& from) __attribute__((always_inline)) {
+            Register r;
+            std::memcpy(&r, &from, sizeof r);
+            return r;
+        };
+        for (std::size_t i = 0; i < N; i += width) {
+            const Register r = f(part(a[i])...);
+            std::memcpy(&result[i], &r, sizeof r);
+        }
+    } else {
+        for (std::size_t i = 0; i < N; ++i)
+            result[i] = f(a[i]...);
+    }
+}
+
+}  // namespace detail
+
 /// Forward dual number: a value with its derivatives in N directions.
 ///
 ///     f(a + sum_i a_i e_i) = f(a) + f'(a) sum_i a_i e_i,   e_i e_j = 0
 ///
-/// The value is computed by exactly the operations that plain B would use. Programs that branch on values only
-/// therefore give bit-identical values in both. Comparisons look at the value. Trivially copyable: value first, then N
-/// partials. Arithmetic is inlined by force: compilers give up on long right hand sides, and calls cost more than the
-/// sums. B = double, or a dual number itself for second derivatives. In Dual<1, Dual<N>> the partial holds the
-/// derivative in one direction and its derivatives in N.
+/// The value is computed by exactly the operations that plain B would use, but for sines and cosines, which come
+/// together and to one ulp. Comparisons look at the value. Trivially copyable: value first, then N partials. Arithmetic
+/// is inlined by force: compilers give up on long right hand sides, and calls cost more than the sums. B = double, or a
+/// dual number itself for second derivatives. In Dual<1, Dual<N>> the partial holds the derivative in one direction and
+/// its derivatives in N.
 template <std::size_t N, class B = double>
 struct Dual {
     B value;
@@ -61,29 +113,26 @@ struct Dual {
     [[gnu::always_inline]] friend Dual operator-(const Dual& a) {
         Dual r;
         r.value = -a.value;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = -a.partial[i];
+        detail::each([&](const auto& da) { return -da; }, r.partial, a.partial);
         return r;
     }
     [[gnu::always_inline]] friend Dual operator+(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value + b.value;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = a.partial[i] + b.partial[i];
+        detail::each([&](const auto& da, const auto& db) { return da + db; }, r.partial, a.partial, b.partial);
         return r;
     }
     [[gnu::always_inline]] friend Dual operator-(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value - b.value;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = a.partial[i] - b.partial[i];
+        detail::each([&](const auto& da, const auto& db) { return da - db; }, r.partial, a.partial, b.partial);
         return r;
     }
     [[gnu::always_inline]] friend Dual operator*(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value * b.value;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = multiply_add(a.value, b.partial[i], b.value * a.partial[i]);
+        detail::each([&](const auto& db, const auto& da) { return a.value * db + b.value * da; }, r.partial, b.partial,
+                     a.partial);
         return r;
     }
     [[gnu::always_inline]] friend Dual operator/(const Dual& a, const Dual& b) {
@@ -92,8 +141,8 @@ struct Dual {
         // One division for all directions; the value keeps its own, correctly rounded one.
         const B inverse = 1.0 / b.value;
         const B slope = -r.value * inverse;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = multiply_add(inverse, a.partial[i], slope * b.partial[i]);
+        detail::each([&](const auto& da, const auto& db) { return inverse * da + slope * db; }, r.partial, a.partial,
+                     b.partial);
         return r;
     }
 
@@ -103,8 +152,7 @@ struct Dual {
     [[gnu::always_inline]] friend Dual operator-(double a, const Dual& b) {
         Dual r;
         r.value = a - b.value;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = -b.partial[i];
+        detail::each([&](const auto& db) { return -db; }, r.partial, b.partial);
         return r;
     }
     friend Dual operator*(const Dual& a, double b) { return a.chained(a.value * b, b); }
@@ -118,15 +166,14 @@ struct Dual {
     [[gnu::always_inline]] friend Dual multiply_add(double a, const Dual& b, const Dual& c) {
         Dual r;
         r.value = multiply_add(a, b.value, c.value);
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = multiply_add(a, b.partial[i], c.partial[i]);
+        detail::each([&](const auto& db, const auto& dc) { return a * db + dc; }, r.partial, b.partial, c.partial);
         return r;
     }
     [[gnu::always_inline]] friend Dual multiply_add(const Dual& a, const Dual& b, const Dual& c) {
         Dual r;
         r.value = multiply_add(a.value, b.value, c.value);
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = multiply_add(a.value, b.partial[i], multiply_add(b.value, a.partial[i], c.partial[i]));
+        detail::each([&](const auto& db, const auto& da, const auto& dc) { return a.value * db + (b.value * da + dc); },
+                     r.partial, b.partial, a.partial, c.partial);
         return r;
     }
 
@@ -149,18 +196,21 @@ struct Dual {
     [[nodiscard]] [[gnu::always_inline]] Dual chained(const B& function, const F& derivative) const {
         Dual r;
         r.value = function;
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = derivative * partial[i];
+        detail::each([&](const auto& d) { return derivative * d; }, r.partial, partial);
         return r;
     }
 
-    friend Dual sin(const Dual& a) {
-        using std::cos, std::sin;
-        return a.chained(sin(a.value), cos(a.value));
+    [[gnu::always_inline]] friend Dual sin(const Dual& a) {
+        const auto [s, c] = sine_and_cosine(a.value);
+        return a.chained(s, c);
     }
-    friend Dual cos(const Dual& a) {
-        using std::cos, std::sin;
-        return a.chained(cos(a.value), -sin(a.value));
+    [[gnu::always_inline]] friend Dual cos(const Dual& a) {
+        const auto [s, c] = sine_and_cosine(a.value);
+        return a.chained(c, -s);
+    }
+    friend auto sine_and_cosine(const Dual& a) {
+        const auto [s, c] = sine_and_cosine(a.value);
+        return std::pair(a.chained(s, c), a.chained(c, -s));
     }
     friend Dual tan(const Dual& a) {
         using std::tan;
@@ -184,8 +234,8 @@ struct Dual {
         Dual r;
         r.value = atan2(y.value, x.value);
         const B inverse = 1.0 / (x.value * x.value + y.value * y.value);
-        for (std::size_t i = 0; i < N; ++i)
-            r.partial[i] = (x.value * y.partial[i] - y.value * x.partial[i]) * inverse;
+        detail::each([&](const auto& dy, const auto& dx) { return (x.value * dy - y.value * dx) * inverse; }, r.partial,
+                     y.partial, x.partial);
         return r;
     }
     friend Dual sinh(const Dual& a) {

@@ -31,7 +31,8 @@ struct Field {
 
     [[no_unique_address]] M model;
     Constants<M, T> constants;
-    T omega;  ///< 0 for an autonomous model
+    T omega;    ///< 0 for an autonomous model
+    T seconds;  ///< per unit of s: 1 / omega, or 1
     double phase;
     Clock clock;
     Side<M> side{};
@@ -39,8 +40,16 @@ struct Field {
     std::size_t piece = 0;               ///< of the input on which the present step lies
 
     Field(const Values<T, parameter_count_of<M>>& p, double phase_, Clock clock_, const M& model_ = M())
-        : model(model_), constants(constants_from<M, T>(p, model_)), omega(0.0), phase(phase_), clock(clock_) {
-        if constexpr (ForcedModel<M>) omega = p[M::forcing_frequency];
+        : model(model_),
+          constants(constants_from<M, T>(p, model_)),
+          omega(0.0),
+          seconds(1.0),
+          phase(phase_),
+          clock(clock_) {
+        if constexpr (ForcedModel<M>) {
+            omega = p[M::forcing_frequency];
+            if (clock == Clock::phase) seconds = 1.0 / omega;
+        }
         if constexpr (SwitchingModel<M>) side = 1.0;
     }
 
@@ -51,7 +60,7 @@ struct Field {
             if (clock == Clock::phase) {
                 State<T, n> f = rhs_of<M, T>(T(phase + s), x, constants, on_side, {}, model);
                 for (T& component : f)
-                    component = component / omega;
+                    component = component * seconds;
                 return f;
             }
             return rhs_of<M, T>(omega * s + phase, x, constants, on_side, {}, model);
@@ -146,20 +155,30 @@ private:
     using Slopes = std::array<Flat, method.stages>;
     static_assert(sizeof(Point) == doubles * sizeof(double) && std::is_trivially_copyable_v<Point>);
 
+    /// Partials first, each coordinate's together, then all values: what is stored in one vector is read in one. Where
+    /// a read straddles two stores, the processor waits until both are in memory.
+    static constexpr bool apart = N > 0 && order == 1;
+
     static Flat flat(const Point& x) {
         Flat f;
-        std::memcpy(f.data(), x.data(), sizeof(x));
+        if constexpr (apart) {
+            for (std::size_t c = 0; c < n; ++c) {
+                std::memcpy(&f[c * N], x[c].partial.data(), N * sizeof(double));
+                f[n * N + c] = x[c].value;
+            }
+        } else {
+            std::memcpy(f.data(), x.data(), sizeof(x));
+        }
         for (std::size_t k = doubles; k < size; ++k)
             f[k] = 0.0;
         return f;
     }
     static Point point(const Flat& f) {
         Point x;
-        if constexpr (N > 0 && order == 1) {
-            // Value and partials apart: a copy in blocks that straddle both stalls where they are read in other blocks.
+        if constexpr (apart) {
             for (std::size_t c = 0; c < n; ++c) {
-                x[c].value = f[c * (N + 1)];
-                std::memcpy(x[c].partial.data(), &f[c * (N + 1) + 1], N * sizeof(double));
+                x[c].value = f[n * N + c];
+                std::memcpy(x[c].partial.data(), &f[c * N], N * sizeof(double));
             }
         } else {
             std::memcpy(static_cast<void*>(x.data()), f.data(), sizeof(x));
@@ -225,7 +244,7 @@ private:
     /// One copy of the equations per number of directions instead of one per stage: a sixth less compile time, and
     /// three per cent less at run time. For plain numbers it is eight per cent more.
     template <class F>
-    [[gnu::noinline]] static void evaluate(const F& field, const Flat& at, double s, Flat& slope) {
+    [[gnu::noinline, gnu::flatten]] static void evaluate(const F& field, const Flat& at, double s, Flat& slope) {
         slope = flat(field(point(at), s));
     }
 
