@@ -137,15 +137,16 @@ void LeastSquares::solve_damped() {
     moved_ = triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>() * step_;
 }
 
-/// Adds the second-order correction to the step: e + J d + 1/2 e'' d^2 is minimised instead of e + J d.
+/// Adds the second-order correction to the step: e + J d + 1/2 e'' d^2 is minimised instead of e + J d. Only J^T e'' is
+/// needed, and of it J^T J d is known from the R factor.
 /// @return false where the correction shows that the step is too long
 bool LeastSquares::correct() {
     if (!move_to(state_.u + probe * step_, false)) return false;
-    const Eigen::VectorXd at_probe = rows_.errors(trial_values_);
-    const Eigen::VectorXd straight = rows_.moved(now_, slope_.cwiseProduct(step_));
-    const Eigen::VectorXd second = (2.0 / probe) * ((at_probe - e_) / probe - straight);
-    if (!second.allFinite()) return false;
-    Eigen::VectorXd correction = -slope_.cwiseProduct(rows_.gathered(now_, second));
+    const Eigen::Index q = parameters_;
+    const Eigen::VectorXd risen = rows_.gathered(now_, (rows_.errors(trial_values_) - e_) / probe);
+    const Eigen::VectorXd straight = triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>().transpose() * moved_;
+    Eigen::VectorXd correction = (2.0 / probe) * (straight - slope_.cwiseProduct(risen));
+    if (!correction.allFinite()) return false;
     models::solve_transposed_upper_in_place(damped_.leftCols(parameters_), correction);
     models::solve_upper_in_place(damped_.leftCols(parameters_), correction);
     bend_ = 2.0 * largest_.cwiseProduct(correction).norm() / largest_.cwiseProduct(step_).norm();

@@ -101,14 +101,6 @@ bool StackedRows::by_products(const Evaluation& at, const Eigen::VectorXd& slope
     return true;
 }
 
-Eigen::VectorXd StackedRows::moved(const Evaluation& at, const Eigen::VectorXd& step) const {
-    Eigen::VectorXd result(records_);
-    for (const Piece& piece : pieces_)
-        with_rows(at, piece,
-                  [&](const auto& rows) { result.segment(piece.place, piece.count).noalias() = rows * step; });
-    return result;
-}
-
 Eigen::VectorXd StackedRows::gathered(const Evaluation& at, const Eigen::VectorXd& along) const {
     Eigen::VectorXd result = Eigen::VectorXd::Zero(at.values.front().e_theta.cols());
     for (const Piece& piece : pieces_)

@@ -16,9 +16,7 @@ public:
 
     [[nodiscard]] Eigen::Index records() const { return records_; }
     [[nodiscard]] Eigen::VectorXd errors(const Evaluation& evaluation) const;
-    /// de / dtheta times a step of theta, shape (records).
-    [[nodiscard]] Eigen::VectorXd moved(const Evaluation& at, const Eigen::VectorXd& step) const;
-    /// Its transpose times one number per record, shape (parameters).
+    /// (de / dtheta)^T times one number per record, shape (parameters).
     [[nodiscard]] Eigen::VectorXd gathered(const Evaluation& at, const Eigen::VectorXd& along) const;
     /// R factor of [de / du | e], shape (parameters + 1, parameters + 1). @param slope  d theta / d u.
     [[nodiscard]] Eigen::MatrixXd triangle(const Evaluation& at, const Eigen::VectorXd& slope,
