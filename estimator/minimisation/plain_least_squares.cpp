@@ -219,7 +219,8 @@ LeastSquares::Verdict LeastSquares::try_step() {
     const bool failed = !trial_values_.failed.empty();
     if (failed && set_.blocks.size() > 1) return Verdict::stop;
     record(square_, false, change, failed ? StepRejection::block_failed : StepRejection::no_decrease);
-    derivatives_at_trial_ = false;
+    // A step that was only too long says nothing against the next one.
+    if (corrected || failed) derivatives_at_trial_ = false;
     damping_ *= raise_;
     raise_ *= 2.0;
     const double moved = (step_.cwiseAbs().cwiseQuotient(sizes(problem_, state_.theta))).maxCoeff();
