@@ -6,6 +6,7 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include "estimator/algebra/r_factor.hpp"
+#include "models/arithmetic/column_products.hpp"
 #include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
@@ -45,25 +46,28 @@ Eigen::VectorXd StackedRows::errors(const Evaluation& evaluation) const {
     return e;
 }
 
+/// Calls use(columns): the columns of the piece's rows.
 template <class Use>
-void StackedRows::with_rows(const Evaluation& at, const Piece& piece, Use use) const {
+void StackedRows::with_columns(const Evaluation& at, const Piece& piece, Use use) const {
     const auto rows = at.values[piece.block].e_theta.middleRows(piece.first, piece.count);
     const Eigen::VectorXd& deviation = set_.blocks[piece.block].deviation;
-    if (deviation.size() == 0)
-        use(rows);
-    else
-        use(deviation.segment(piece.first, piece.count).cwiseInverse().asDiagonal() * rows);
+    Eigen::MatrixXd divided;
+    if (deviation.size() > 0) divided = deviation.segment(piece.first, piece.count).cwiseInverse().asDiagonal() * rows;
+    std::vector<const double*> columns;
+    for (Eigen::Index j = 0; j < rows.cols(); ++j)
+        columns.push_back(deviation.size() > 0 ? divided.col(j).data() : rows.col(j).data());
+    use(columns);
 }
 
-/// Upper triangle of E^T E, and E^T e in the last column. Summed in the order of the pieces, whatever the threads.
+/// Upper triangle of [E | e]^T [E | e]. Summed in the order of the pieces, whatever the threads.
 Eigen::MatrixXd StackedRows::products(const Evaluation& at, const Eigen::VectorXd& e) const {
     const Eigen::Index q = at.values.front().e_theta.cols();
-    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(q, q + 1);
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(q + 1, q + 1);
     const auto add = [&](const Piece& piece, Eigen::MatrixXd& sum) {
-        with_rows(at, piece, [&](const auto& rows) {
-            const Eigen::Ref<const Eigen::MatrixXd> own(rows);
-            sum.leftCols(q).selfadjointView<Eigen::Upper>().rankUpdate(own.transpose());
-            sum.col(q).noalias() += own.transpose() * e.segment(piece.place, piece.count);
+        with_columns(at, piece, [&](std::vector<const double*>& columns) {
+            columns.push_back(e.data() + piece.place);
+            models::add_column_products(columns.data(), columns.size(), static_cast<std::size_t>(piece.count),
+                                        sum.data());
         });
     };
     if (records_ < parallel_records) {
@@ -84,8 +88,8 @@ Eigen::MatrixXd StackedRows::products(const Evaluation& at, const Eigen::VectorX
 bool StackedRows::by_products(const Evaluation& at, const Eigen::VectorXd& slope, const Eigen::VectorXd& e,
                               Eigen::MatrixXd& triangle) const {
     const Eigen::MatrixXd sums = products(at, e);
-    const Eigen::Index q = sums.rows();
-    const Eigen::VectorXd norm = sums.diagonal().cwiseSqrt();
+    const Eigen::Index q = slope.size();
+    const Eigen::VectorXd norm = sums.diagonal().head(q).cwiseSqrt();
     if (!(norm.minCoeff() > 0.0) || !norm.allFinite()) return false;
     triangle = Eigen::MatrixXd::Zero(q + 1, q + 1);
     for (Eigen::Index j = 0; j < q; ++j)
@@ -94,7 +98,7 @@ bool StackedRows::by_products(const Evaluation& at, const Eigen::VectorXd& slope
             if (i == j && !(rest > least_independence * least_independence)) return false;
             triangle(i, j) = i == j ? std::sqrt(rest) : rest / triangle(i, i);
         }
-    Eigen::VectorXd rhs = sums.col(q).cwiseQuotient(norm);
+    Eigen::VectorXd rhs = sums.col(q).head(q).cwiseQuotient(norm);
     models::solve_transposed_upper_in_place(triangle.topLeftCorner(q, q), rhs);
     triangle.topLeftCorner(q, q) *= norm.cwiseProduct(slope).asDiagonal();
     triangle.col(q).head(q) = rhs;
@@ -104,8 +108,9 @@ bool StackedRows::by_products(const Evaluation& at, const Eigen::VectorXd& slope
 Eigen::VectorXd StackedRows::gathered(const Evaluation& at, const Eigen::VectorXd& along) const {
     Eigen::VectorXd result = Eigen::VectorXd::Zero(at.values.front().e_theta.cols());
     for (const Piece& piece : pieces_)
-        with_rows(at, piece, [&](const auto& rows) {
-            result.noalias() += rows.transpose() * along.segment(piece.place, piece.count);
+        with_columns(at, piece, [&](const std::vector<const double*>& columns) {
+            models::add_products_with(along.data() + piece.place, columns.data(), columns.size(),
+                                      static_cast<std::size_t>(piece.count), result.data());
         });
     return result;
 }
@@ -117,8 +122,11 @@ Eigen::MatrixXd StackedRows::triangle(const Evaluation& at, const Eigen::VectorX
     const Eigen::Index q = slope.size();
     Eigen::MatrixXd rows(records_, q + 1);
     for (const Piece& piece : pieces_)
-        with_rows(at, piece,
-                  [&](const auto& own) { rows.block(piece.place, 0, piece.count, q) = own * slope.asDiagonal(); });
+        with_columns(at, piece, [&](const std::vector<const double*>& columns) {
+            for (Eigen::Index j = 0; j < q; ++j)
+                rows.col(j).segment(piece.place, piece.count) =
+                    slope[j] * Eigen::VectorXd::Map(columns[static_cast<std::size_t>(j)], piece.count);
+        });
     rows.col(q) = e;
     return upper_triangle(rows);
 }

@@ -32,7 +32,7 @@ private:
     };
 
     template <class Use>
-    void with_rows(const Evaluation& at, const Piece& piece, Use use) const;
+    void with_columns(const Evaluation& at, const Piece& piece, Use use) const;
     [[nodiscard]] Eigen::MatrixXd products(const Evaluation& at, const Eigen::VectorXd& e) const;
     bool by_products(const Evaluation& at, const Eigen::VectorXd& slope, const Eigen::VectorXd& e,
                      Eigen::MatrixXd& triangle) const;

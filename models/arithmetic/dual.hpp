@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "models/arithmetic/sine_and_cosine.hpp"
+#include "models/arithmetic/vector_register.hpp"
 
 namespace orbid::models {
 
@@ -34,40 +35,16 @@ constexpr bool vanishes(double x) {
 
 namespace detail {
 
-/// Doubles of a vector register.
-#if defined(__AVX512F__)
-inline constexpr std::size_t register_width = 8;
-#elif defined(__AVX__)
-inline constexpr std::size_t register_width = 4;
-#else
-inline constexpr std::size_t register_width = 2;
-#endif
-
-/// So many doubles in a register, as GCC and Clang know them; one is a double.
-template <std::size_t width>
-struct RegisterOf {
-    using type __attribute__((vector_size(width * sizeof(double)))) = double;
-};
-template <>
-struct RegisterOf<1> {
-    using type = double;
-};
-
 /// result[i] = f(a[i]...). Doubles are read and written by registers as wide as N allows: the compiler then keeps
 /// partials in registers from one operation to the next. Loops over doubles it leaves in memory, where what is written
 /// in parts and read whole stalls the processor.
 template <class B, std::size_t N, class F, class... A>
 [[gnu::always_inline]] inline void each(const F& f, std::array<B, N>& result, const A&... a) {
     if constexpr (std::is_same_v<B, double>) {
-        using Register = typename RegisterOf<std::gcd(N, register_width)>::type;
-        constexpr std::size_t width = sizeof(Register) / sizeof(double);
-        const auto part = [](const double& from) __attribute__((always_inline)) {
-            Register r;
-            std::memcpy(&r, &from, sizeof r);
-            return r;
-        };
+        constexpr std::size_t width = std::gcd(N, register_width);
+        using Register = VectorRegister<width>;
         for (std::size_t i = 0; i < N; i += width) {
-            const Register r = f(part(a[i])...);
+            const Register r = f(load_register<Register>(&a[i])...);
             std::memcpy(&result[i], &r, sizeof r);
         }
     } else {
