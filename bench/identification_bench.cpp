@@ -116,6 +116,7 @@ Ours ours(const Experiment& e) {
     options.verdict = false;
     options.clusters = estimator::Clusters::none;
     options.step_tolerance = 1e-2;
+    options.error_uncertainties = false;
     const auto use = [&](const estimator::Estimate& estimate) {
         for (std::size_t i = 0; i < parameters.size(); ++i)
             result.theta[static_cast<Eigen::Index>(i)] = parameters[i].start = estimate.parameters[i].value;
@@ -124,6 +125,7 @@ Ours ours(const Experiment& e) {
     orbits::ShootingOptions shooting;
     shooting.sensor = e.sensor;
     shooting.start = result.theta;
+    options.error_uncertainties = true;
     result.residual = std::make_unique<orbits::ShootingResidual>(e.system, e.binding, e.series, shooting);
     result.estimate = estimator::estimate(parameters, {result.residual.get()}, {}, options);
     use(result.estimate);

@@ -125,7 +125,7 @@ void fill_law(const Problem& problem, const State& state, const Posterior& poste
                     shape.upper95 = coordinate.natural(upper);
                 }
             }
-            if (coordinate.estimate && !(own_sd > 0.0))
+            if (problem.options.error_uncertainties && coordinate.estimate && !(own_sd > 0.0))
                 shape.at_bound =
                     state.psi[k] <= 0.5 * (coordinate.lower + coordinate.upper) ? BoundSide::lower : BoundSide::upper;
             scale.shape.push_back(std::move(shape));

@@ -83,6 +83,10 @@ struct EstimateOptions {
     double relative_singular_value = 3e-8;
     /// Whether the normal approximation is checked against the objective itself (a few evaluations per parameter).
     bool verdict = true;
+    /// Sds of the error parameters, and what they add to the intervals of the parameters. Without them, which suits the
+    /// start of another estimate, these sds are nan, parameters have normal intervals, and log_integral leaves out the
+    /// error parameters.
+    bool error_uncertainties = true;
     /// log_integral with the determinant of the full Hessian instead of the Gauss-Newton one (2 evaluations with
     /// derivatives per parameter).
     bool full_hessian = false;

@@ -228,16 +228,17 @@ void ErrorDescent::move_to(ErrorTrial best) {
 ErrorMinimum ErrorDescent::run() {
     // Six decades take a few fixed-point steps, secant steps then converge superlinearly; two dozen are usual at most.
     constexpr int step_limit = 200;
-    // So close, in sds, a step that does not come ten times closer has met the rounding of the gradient.
+    // So close, in sds and in ln s, a step that does not come ten times closer has met the rounding of the gradient.
     constexpr double close = 1e-7;
     double before = std::numeric_limits<double>::infinity();
     for (int iteration = 0; iteration < step_limit; ++iteration) {
         release();
         measure();
         if (free_.empty() || minimum_.distance < search_.tolerance) break;
-        if (before < close && !(minimum_.distance < 0.1 * before)) break;
-        before = minimum_.distance;
         const Eigen::VectorXd newton = newton_step();
+        const bool near = before < close && newton.size() > 0 && newton.lpNorm<Eigen::Infinity>() < close;
+        if (near && !(minimum_.distance < 0.1 * before)) break;
+        before = minimum_.distance;
         if (newton.size() > 0 && newton.lpNorm<Eigen::Infinity>() < search_.untried) {
             take_untried(newton);
             break;

@@ -82,6 +82,10 @@ void Posterior::error_parameters() {
                  std::any_of(problem_.laws.begin(), problem_.laws.end(), [this](const NoiseModel& law) {
                      return law.first == free_errors_.front() && law.compressible();
                  });
+    if (!problem_.options.error_uncertainties) {
+        error_covariance_(free_errors_, free_errors_).setConstant(nan_value);
+        free_errors_.clear();
+    }
     if (free_errors_.empty()) return;
     ErrorProblem profiled = errors_;
     profiled.follow = Follow::all;

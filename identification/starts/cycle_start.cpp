@@ -141,6 +141,7 @@ private:
         estimator::EstimateOptions options = options_.estimate;
         options.variance = estimator::Variance::ml;
         options.verdict = false;
+        options.error_uncertainties = false;
         options.maximum_iterations = stage_iterations;
         options.step_tolerance = stage_tolerance;
         options.watched = nullptr;

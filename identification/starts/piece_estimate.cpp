@@ -15,6 +15,7 @@ PieceEstimate piece_estimate(const std::vector<estimator::FreeParameter>& near,
     estimator::EstimateOptions rough;
     rough.variance = estimator::Variance::ml;
     rough.verdict = false;
+    rough.error_uncertainties = false;
     rough.maximum_iterations = 40;
     rough.step_tolerance = 1e-2;
     const std::uint64_t before = residual.work();  // copies with other matching share it

@@ -121,6 +121,7 @@ SeriesAttempt SeriesAttempts::make(const std::string& name, const SeriesStart& s
     estimator::EstimateOptions options = search_.estimate;
     options.variance = estimator::Variance::ml;
     options.verdict = false;
+    options.error_uncertainties = false;
     options.maximum_iterations = most_steps;
     options.step_tolerance = rough;
     const auto spent = [&] {

@@ -90,6 +90,29 @@ TEST_CASE("linear regression: closed form of theta, scale, covariance and t inte
     }
 }
 
+TEST_CASE("without error uncertainties the estimate is the same, and its intervals are normal", "[estimator]") {
+    const Regression data = made_regression(20, 0.1, 1);
+    FunctionResidual residual;
+    residual.add_group(group("y"));
+    residual.add_block(layout("data", 20), linear(data.y, data.x));
+    estimator::EstimateOptions options;
+    const auto whole = estimator::estimate(three(), {&residual}, {}, options);
+    options.error_uncertainties = false;
+    const auto quick = estimator::estimate(three(), {&residual}, {}, options);
+    for (std::size_t i = 0; i < 3; ++i) {
+        CHECK(quick.parameters[i].value == whole.parameters[i].value);
+        CHECK_THAT(quick.parameters[i].sd, WithinRel(whole.parameters[i].sd, 1e-14));
+        CHECK(quick.parameters[i].interval_method == estimator::IntervalMethod::normal);
+        CHECK_THAT(quick.parameters[i].upper95,
+                   WithinRel(quick.parameters[i].value + 1.959963984540054 * quick.parameters[i].sd, 1e-12));
+    }
+    REQUIRE(quick.scales.size() == 1);
+    CHECK(quick.scales[0].value == whole.scales[0].value);
+    CHECK(whole.scales[0].uncertainty > 0.0);
+    CHECK(std::isnan(quick.scales[0].uncertainty));
+    CHECK(quick.objective == whole.objective);
+}
+
 TEST_CASE("a fixed scale gives normal intervals and generalised least squares under a covariance shape",
           "[estimator]") {
     const Regression data = made_regression(12, 0.1, 2);
