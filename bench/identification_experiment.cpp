@@ -30,20 +30,32 @@ void free_parameter(Experiment& e, const std::string& name, double start, double
     e.truth[e.binding.estimated_count - 1] = e.binding.base[index];
 }
 
-Experiment lorenz_experiment() {
+namespace {
+
+Experiment lorenz(std::size_t samples, double noise, const Eigen::Vector3d& start) {
     Experiment e;
     e.system = models::make_system("lorenz");
     e.binding.base = Eigen::Vector3d(10.0, 28.0, 2.66);
     orbits::VirtualExperimentOptions options;
-    options.plan = orbits::SamplePlan{0.01, 3001, 0};
+    options.plan = orbits::SamplePlan{0.01, samples, 0};
     options.initial = Eigen::Vector3d(1.0, 0.0, 0.0);
-    options.noise = Eigen::Vector3d::Constant(0.5);
+    if (noise > 0.0) options.noise = Eigen::Vector3d::Constant(noise);
     options.seed = 1;
     e.series = orbits::simulate(*e.system, e.binding.base, options).series;
-    free_parameter(e, "sigma", 1.0, 0.0);
-    free_parameter(e, "rho", 2.2, 0.0);
-    free_parameter(e, "beta", 0.2, 0.0);
+    free_parameter(e, "sigma", start[0], 0.0);
+    free_parameter(e, "rho", start[1], 0.0);
+    free_parameter(e, "beta", start[2], 0.0);
     return e;
+}
+
+}  // namespace
+
+Experiment lorenz_experiment() {
+    return lorenz(3001, 0.5, {1.0, 2.2, 0.2});
+}
+
+Experiment short_lorenz_experiment() {
+    return lorenz(301, 0.0, {9.0, 20.0, 2.0});
 }
 
 Experiment pendulum_experiment(std::size_t sections) {

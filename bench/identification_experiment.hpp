@@ -27,6 +27,9 @@ void free_parameter(Experiment& experiment, const std::string& name, double star
 /// Lorenz' equations, all states read every 0.01 s for 30 s with noise 0.5; far start.
 [[nodiscard]] Experiment lorenz_experiment();
 
+/// The case of DiffEqParamEstim's benchmarks (SciML): the same equations for 3 s, exact, from 10 to 30 % off.
+[[nodiscard]] Experiment short_lorenz_experiment();
+
 /// The parametric pendulum with dry friction, sections read by an encoder now and 15.08 ms later.
 [[nodiscard]] Experiment pendulum_experiment(std::size_t sections);
 

@@ -164,7 +164,9 @@ std::vector<FlowResult> KernelSystem::flows(const Eigen::MatrixXd& starts, std::
     constexpr std::size_t smallest_budget = 10000;
     const bool shared = kind() == Kind::forced &&
                         std::all_of(phases.begin(), phases.end(), [&](double phase) { return phase == phases[0]; });
-    const auto batch = shared && options.maximum_steps < smallest_budget
+    // A step of a pack takes as long as two to three of a trajectory alone.
+    constexpr std::size_t worth_a_pack = 3;
+    const auto batch = total < worth_a_pack || (shared && options.maximum_steps < smallest_budget)
                            ? nullptr
                            : kernel_->flow_batch(all, durations, free.value_or(std::span<const Eigen::Index>{}));
     if (!batch) return System::flows(starts, phases, durations, theta, free, clock, options);
