@@ -22,26 +22,39 @@ WhitenedRows standard_rows(const BlockRows& block, const std::vector<NoiseModel>
     return standard_rows(block.parts, laws, psi, curvature);
 }
 
+namespace {
+
+/// Whitened rows of one law, written into `rows`. @return -ln p
+double whiten(const NoiseModel& law, const LawRecords& records, const Eigen::VectorXd& psi, Curvature curvature,
+              Eigen::Ref<Eigen::MatrixXd> rows) {
+    if (!law.compressible() || records.observed.size() > 0) {
+        const WhitenedRows own = whitened_rows(law, records, law.own(psi), curvature);
+        rows = own.rows;
+        return own.value;
+    }
+    // S = A / s, without a matrix in between: links and readings have few rows each.
+    const double ln_scale = psi[law.first];
+    rows = std::exp(-ln_scale) * records.rows;
+    return static_cast<double>(records.count) * (ln_scale + 0.5 * std::log(2.0 * std::numbers::pi)) +
+           0.5 * rows.rightCols(1).squaredNorm();
+}
+
+}  // namespace
+
 WhitenedRows standard_rows(const std::vector<PartRows>& from, const std::vector<NoiseModel>& laws,
                            const Eigen::VectorXd& psi, Curvature curvature) {
     WhitenedRows result;
-    if (from.size() == 1) {
-        const PartRows& part = from.front();
-        return whitened_rows(laws[part.law], part.records, laws[part.law].own(psi), curvature);
-    }
-    std::vector<WhitenedRows> parts;
+    if (from.empty()) return result;
     Eigen::Index count = 0;
-    for (const PartRows& part : from) {
-        parts.push_back(whitened_rows(laws[part.law], part.records, laws[part.law].own(psi), curvature));
-        count += parts.back().rows.rows();
-        result.value += parts.back().value;
-    }
-    if (parts.empty()) return result;
-    result.rows.resize(count, parts.front().rows.cols());
+    for (const PartRows& part : from)
+        count += part.records.rows.rows() * laws[part.law].rows_per_record();
+    result.rows.resize(count, from.front().records.rows.cols());
     Eigen::Index row = 0;
-    for (const WhitenedRows& part : parts) {
-        result.rows.middleRows(row, part.rows.rows()) = part.rows;
-        row += part.rows.rows();
+    for (const PartRows& part : from) {
+        const NoiseModel& law = laws[part.law];
+        const Eigen::Index own = part.records.rows.rows() * law.rows_per_record();
+        result.value += whiten(law, part.records, psi, curvature, result.rows.middleRows(row, own));
+        row += own;
     }
     return result;
 }
