@@ -32,7 +32,7 @@ constexpr double probe = 0.03;
 /// (Transtrum and Sethna's bound on 2 |correction| / |step|).
 constexpr double longest_correction = 0.75;
 /// A path that bent less than this, while the decrease was as predicted, is treated as straight from there on.
-constexpr double least_bend = 0.1;
+constexpr double least_bend = 0.2;
 /// After so many trials the damping forgets column norms of earlier places, to this fraction with each step. A start
 /// may have columns a million times longer than those near the minimum (MGH10: 1 750 evaluations instead of 4 000).
 /// Sooner it loses minima: the largest norms keep steps out of regions where columns vanish.
