@@ -108,8 +108,8 @@ struct Dual {
     [[gnu::always_inline]] friend Dual operator*(const Dual& a, const Dual& b) {
         Dual r;
         r.value = a.value * b.value;
-        detail::each([&](const auto& db, const auto& da) { return a.value * db + b.value * da; }, r.partial, b.partial,
-                     a.partial);
+        detail::each([&](const auto& db, const auto& da) { return multiply_add(a.value, db, b.value * da); }, r.partial,
+                     b.partial, a.partial);
         return r;
     }
     [[gnu::always_inline]] friend Dual operator/(const Dual& a, const Dual& b) {
@@ -118,8 +118,8 @@ struct Dual {
         // One division for all directions; the value keeps its own, correctly rounded one.
         const B inverse = 1.0 / b.value;
         const B slope = -r.value * inverse;
-        detail::each([&](const auto& da, const auto& db) { return inverse * da + slope * db; }, r.partial, a.partial,
-                     b.partial);
+        detail::each([&](const auto& da, const auto& db) { return multiply_add(inverse, da, slope * db); }, r.partial,
+                     a.partial, b.partial);
         return r;
     }
 
@@ -143,13 +143,15 @@ struct Dual {
     [[gnu::always_inline]] friend Dual multiply_add(double a, const Dual& b, const Dual& c) {
         Dual r;
         r.value = multiply_add(a, b.value, c.value);
-        detail::each([&](const auto& db, const auto& dc) { return a * db + dc; }, r.partial, b.partial, c.partial);
+        detail::each([&](const auto& db, const auto& dc) { return multiply_add(a, db, dc); }, r.partial, b.partial,
+                     c.partial);
         return r;
     }
     [[gnu::always_inline]] friend Dual multiply_add(const Dual& a, const Dual& b, const Dual& c) {
         Dual r;
         r.value = multiply_add(a.value, b.value, c.value);
-        detail::each([&](const auto& db, const auto& da, const auto& dc) { return a.value * db + (b.value * da + dc); },
+        detail::each([&](const auto& db, const auto& da,
+                         const auto& dc) { return multiply_add(a.value, db, multiply_add(b.value, da, dc)); },
                      r.partial, b.partial, a.partial, c.partial);
         return r;
     }

@@ -179,7 +179,7 @@ def main():
             failed += silent(given.program, folder, kind, document, 20.0 if given.whole else 5.0)
         for _ in range(10 if given.whole else 2):
             for what in (signal.SIGTERM, signal.SIGINT):
-                failed += left(given.program, folder, "estimate", duffing_series(100000), moments.uniform(0.0, 4.0),
+                failed += left(given.program, folder, "estimate", duffing_series(300000), moments.uniform(0.0, 4.0),
                                what)
         failed += left(given.program, folder, "estimate", duffing_series(1000000), 12.0, signal.SIGKILL)
     return 1 if failed else 0
