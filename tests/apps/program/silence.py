@@ -181,7 +181,7 @@ def main():
             for what in (signal.SIGTERM, signal.SIGINT):
                 failed += left(given.program, folder, "estimate", duffing_series(300000), moments.uniform(0.0, 4.0),
                                what)
-        failed += left(given.program, folder, "estimate", duffing_series(1000000), 12.0, signal.SIGKILL)
+        failed += left(given.program, folder, "estimate", duffing_series(2000000), 12.0, signal.SIGKILL)
     return 1 if failed else 0
 
 
