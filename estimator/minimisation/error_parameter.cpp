@@ -251,7 +251,6 @@ bool one_scale_for_all(const ErrorProblem& problem, const std::vector<Eigen::Ind
 
 bool is_long(const BlockSet& set) {
     constexpr std::size_t many_blocks = 1000;
-    constexpr Eigen::Index many_records = 2000;
     return set.all_blocks >= many_blocks || (set.latents > 0 && set.records >= many_records);
 }
 

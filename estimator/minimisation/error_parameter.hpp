@@ -75,6 +75,9 @@ struct ErrorPoint {
 /// Covariance of u that enters (M10): of the determined parameters if restricted, shape (q, q), else (0, 0).
 [[nodiscard]] Eigen::MatrixXd parameter_covariance(const ErrorProblem& problem, const ErrorPoint& point);
 
+/// From so many records on, error parameters need not be better than the parameters are at a step.
+inline constexpr Eigen::Index many_records = 2000;
+
 /// Whether one evaluation of the error parameters takes so long that searches save some: below, an estimate takes well
 /// under a second whatever is done.
 [[nodiscard]] bool is_long(const BlockSet& set);

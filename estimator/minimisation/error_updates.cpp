@@ -74,7 +74,6 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
     // step repeats the search. Short data are always searched to the end. That costs nothing, and the likelihood of two
     // scales may have another minimum nearby, where one of them is zero. Errors that are not normal take all records,
     // also without latent states.
-    constexpr Eigen::Index many_records = 2000;
     ErrorSearch search;
     if (is_long(set_) || set_.records >= many_records) {
         search.tolerance = std::clamp(1e-3 * length, 1e-12, 1e-2);

@@ -147,8 +147,8 @@ bool LeastSquares::correct() {
     const Eigen::VectorXd straight = triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>().transpose() * moved_;
     Eigen::VectorXd correction = (2.0 / probe) * (straight - slope_.cwiseProduct(risen));
     if (!correction.allFinite()) return false;
-    models::solve_transposed_upper_in_place(damped_.leftCols(parameters_), correction);
-    models::solve_upper_in_place(damped_.leftCols(parameters_), correction);
+    models::solve_transposed_upper_in_place(damped_.leftCols(q), correction);
+    models::solve_upper_in_place(damped_.leftCols(q), correction);
     bend_ = 2.0 * largest_.cwiseProduct(correction).norm() / largest_.cwiseProduct(step_).norm();
     if (!(bend_ <= longest_correction)) return false;
     step_ += 0.5 * correction;

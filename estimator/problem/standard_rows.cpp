@@ -25,8 +25,8 @@ WhitenedRows standard_rows(const BlockRows& block, const std::vector<NoiseModel>
 namespace {
 
 /// Whitened rows of one law, written into `rows`. @return -ln p
-double whiten(const NoiseModel& law, const LawRecords& records, const Eigen::VectorXd& psi, Curvature curvature,
-              Eigen::Ref<Eigen::MatrixXd> rows) {
+double write_whitened(const NoiseModel& law, const LawRecords& records, const Eigen::VectorXd& psi, Curvature curvature,
+                      Eigen::Ref<Eigen::MatrixXd> rows) {
     if (!law.compressible() || records.observed.size() > 0) {
         const WhitenedRows own = whitened_rows(law, records, law.own(psi), curvature);
         rows = own.rows;
@@ -53,7 +53,7 @@ WhitenedRows standard_rows(const std::vector<PartRows>& from, const std::vector<
     for (const PartRows& part : from) {
         const NoiseModel& law = laws[part.law];
         const Eigen::Index own = part.records.rows.rows() * law.rows_per_record();
-        result.value += whiten(law, part.records, psi, curvature, result.rows.middleRows(row, own));
+        result.value += write_whitened(law, part.records, psi, curvature, result.rows.middleRows(row, own));
         row += own;
     }
     return result;

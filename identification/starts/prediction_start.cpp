@@ -101,7 +101,6 @@ estimator::EstimateOptions prediction_options(const estimator::EstimateOptions& 
     estimator::EstimateOptions quick = options;
     quick.variance = estimator::Variance::ml;
     quick.verdict = false;
-    quick.error_uncertainties = false;
     quick.maximum_iterations = prediction_iterations;
     quick.step_tolerance = prediction_tolerance;
     return quick;

@@ -4,8 +4,8 @@
 
 namespace orbid::models {
 
-/// sums(i, j) += columns[i]^T columns[j] for i <= j: the upper triangle of A^T A. Compiled for the machine: a fifth of
-/// the time of Eigen's rank update for twenty columns of a thousand rows.
+/// sums(i, j) += columns[i]^T columns[j] for i <= j: the upper triangle of A^T A. Compiled for the machine: with
+/// AVX-512, 0.47 of the time of Eigen's rank update for twenty columns of a thousand rows, and 0.21 for four.
 ///
 /// @param columns  pointers to the columns of A, shape (count)
 /// @param sums     column-major, shape (count, count); below the diagonal nothing is read or written

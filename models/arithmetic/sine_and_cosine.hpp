@@ -19,8 +19,9 @@ namespace detail {
 
 }  // namespace detail
 
-/// sin a and cos a to one ulp each, inlined: a third of the time of the C library's, whose call also empties the vector
-/// registers. Without fused operations, and for |a| > 2^22, the standard library's.
+/// sin a and cos a to one ulp each, inlined: half the time of the C library's (6 instead of 13.5 ns, 16 instead of 26
+/// where each argument waits for the last result), whose call also empties the vector registers. Without fused
+/// operations, and for |a| > 2^22, the standard library's.
 ///
 ///     a = k pi/2 + r + rest,  |r| <= pi/4;   sin r = r + r^3 P(r^2),   cos r = 1 - r^2/2 + r^4 Q(r^2)
 ///

@@ -32,7 +32,7 @@ template <std::size_t width>
 using VectorRegister = typename detail::RegisterOf<width>::type;
 
 /// factor b + c in every lane, rounded once where the machine does so at no cost. By the builtins of GCC and Clang, as
-/// their header of all vector instructions takes a third of a second to read.
+/// their header of all vector instructions takes a quarter of a second to read.
 template <class Register>
 requires(!std::is_class_v<Register> && !std::is_arithmetic_v<Register>) [[gnu::always_inline]] inline Register
     multiply_add(double factor, const Register& b, const Register& c) {

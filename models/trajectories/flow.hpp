@@ -12,13 +12,13 @@
 
 namespace orbid::models {
 
-/// Directions carried at once: those of the start (they are part of the step control) and at least one or four
-/// parameters, so many that vector registers are full. Eight directions do not pay for few parameters; more parameters
-/// are taken in several passes.
+/// Directions carried at once: those of the start (they are part of the step control) and as many parameters as fill
+/// vector registers, at least one or five. Eight directions do not pay for few parameters; more parameters are taken in
+/// several passes.
 template <Model M>
 inline constexpr std::size_t narrow_chunk = (dimension_of<M> / 4 + 1) * 4;
 template <Model M>
-inline constexpr std::size_t wide_chunk = ((dimension_of<M> + 3) / 8 + 1) * 8;
+inline constexpr std::size_t wide_chunk = narrow_chunk<M> + 4;
 
 template <class T, std::size_t n>
 std::array<T, n> array_from(const double* x) {

@@ -22,7 +22,7 @@ StepImage FlowSteps::advance(Index j, const VectorXd& z, double time, std::span<
 }
 
 std::vector<StepImage> FlowSteps::advance_all(const MatrixXd& nodes, double time, std::span<const Index> free) const {
-    // A block of eight takes as long as three flows alone (torque-driven pendulum, 1e-11 and 1e-7).
+    // A block of eight takes as long as six flows alone (torque-driven pendulum, 1e-11 and 1e-9).
     constexpr std::size_t worth_a_block = 6;
     const double durations[] = {duration(segments_.front(), time)};
     const bool alike = std::all_of(segments_.begin(), segments_.end(),

@@ -143,7 +143,7 @@ Errors worst_errors(double tolerance) {
 }
 
 /// One of the flows is held for a moment and hardly leaves: rounding of what it leaves by gives its derivatives errors
-/// of 6e-15 to 3.3e-13, another one at each tolerance between 7e-16 and 3e-14 and with every build. Times four.
+/// of 6e-15 to 3.4e-13, another one at each tolerance between 7e-16 and 3e-14 and with every build. Times four.
 constexpr double rounding_of_derivatives = 1.3e-12;
 
 }  // namespace
