@@ -26,9 +26,6 @@ constexpr double curve_contraction = 0.7;
 /// Steps of this length move no multiplier in its first eleven digits.
 constexpr double rounding_step = 1e-12;
 
-/// A matrix that is singular to rounding, made regular to this fraction: see floquet_vectors().
-constexpr double offset = 1e-13;
-
 /// Multipliers of an orbit without the trivial one (nearest to 1).
 void find_multipliers(CurvePoint& point, bool autonomous) {
     point.multipliers = floquet_multipliers(condensed_factors(point.jacobians));
@@ -269,9 +266,8 @@ CurvePoint OrbitCurve::settled(CurvePoint point) const {
 VectorXd OrbitCurve::crossing_direction(const CurvePoint& point) const {
     const Index inner = n_ * count_;
     const MatrixXd rows = rows_across({point.tangent});
-    std::vector<MatrixXd> factors = point.jacobians;
-    factors.front() *= 1.0 + offset;
-    const CyclicSystem matrix(factors, {point.columns, rows.leftCols(inner), rows.rightCols(size() - inner)}, scale_);
+    const CyclicSystem matrix(point.jacobians, {point.columns, rows.leftCols(inner), rows.rightCols(size() - inner)},
+                              scale_);
     VectorXd v = matrix.null_vector();
     v(v.size() - 1) *= setting_->range;
     v -= product(v, point.tangent) * point.tangent;

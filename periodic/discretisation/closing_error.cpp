@@ -22,18 +22,13 @@ StepImage Discretisation::state(Index /*j*/, const VectorXd& z, double /*time*/,
     return image;
 }
 
-std::vector<StepImage> Discretisation::advance_all(const MatrixXd& nodes, double time,
-                                                   std::span<const Index> free) const {
+std::vector<StepImage> Discretisation::advance_all(const MatrixXd& nodes, double time, std::span<const Index> free,
+                                                   std::span<const int> /*pieces*/) const {
     std::vector<StepImage> images(static_cast<std::size_t>(nodes.cols()));
     tbb::parallel_for(Index{0}, nodes.cols(),
                       [&](Index j) { images[static_cast<std::size_t>(j)] = advance(j, nodes.col(j), time, free); });
     models::stop_if_left();
     return images;
-}
-
-std::vector<MatrixXd> Discretisation::propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& /*nodes*/,
-                                                  double /*time*/) const {
-    return jacobians;
 }
 
 std::vector<double> equidistant(Index steps) {
@@ -48,7 +43,7 @@ ClosingError closing_error(const Discretisation& discretisation, const MatrixXd&
 }
 
 ClosingError closing_error(const Discretisation& discretisation, const MatrixXd& nodes, double time,
-                           const MatrixXd& turns, std::span<const Index> free) {
+                           const MatrixXd& turns, std::span<const Index> free, std::span<const int> pieces) {
     const Index d = nodes.rows();
     const Index count = nodes.cols();
     const auto f = static_cast<Index>(free.size());
@@ -59,7 +54,7 @@ ClosingError closing_error(const Discretisation& discretisation, const MatrixXd&
     result.parameters.resize(d * count, f);
     // ln T is the unknown: a step of a few hundred is infinite in T, or nothing.
     if (discretisation.unknown_time() && !(time > 0.0 && std::isfinite(time))) return result;
-    std::vector<StepImage> images = discretisation.advance_all(nodes, time, free);
+    std::vector<StepImage> images = discretisation.advance_all(nodes, time, free, pieces);
     result.simulated = true;
     for (Index j = 0; j < count; ++j) {
         const auto slot = static_cast<std::size_t>(j);
@@ -70,6 +65,8 @@ ClosingError closing_error(const Discretisation& discretisation, const MatrixXd&
             continue;
         }
         result.error.col(j) = image.value - nodes.col((j + 1) % count) - full_turn * turns.col(j);
+        if (image.pieces.empty()) result.factors.push_back(image.by_state);
+        result.factors.insert(result.factors.end(), image.pieces.begin(), image.pieces.end());
         result.jacobians[slot] = std::move(image.by_state);
         if (discretisation.unknown_time()) result.by_ln_time.col(0).segment(d * j, d) = image.by_ln_time;
         if (f > 0) result.parameters.middleRows(d * j, d) = image.by_parameters;

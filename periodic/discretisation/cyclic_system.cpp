@@ -142,23 +142,23 @@ void CyclicSystem::factorise(const std::vector<MatrixXd>& factors, const Border&
 }
 
 MatrixXd CyclicSystem::solve(const MatrixXd& b) const {
-    if (unit_.size() == 0) return solve_scaled(b);
+    if (unit_.size() == 0) return solve_scaled(b, last_.packed());
     MatrixXd right = b;
     right.bottomRows(k_).array().colwise() /= row_unit_.array();
     for (Index j = 0; j < p_; ++j)
         right.middleRows(n_ * j, n_).array().colwise() /= unit_.array();
-    MatrixXd d = solve_scaled(right);
+    MatrixXd d = solve_scaled(right, last_.packed());
     for (Index j = 0; j < p_; ++j)
         d.middleRows(n_ * j, n_).array().colwise() *= unit_.array();
     return d;
 }
 
-MatrixXd CyclicSystem::solve_scaled(const MatrixXd& b) const {
+MatrixXd CyclicSystem::solve_scaled(const MatrixXd& b, const MatrixXd& last) const {
     assert(b.rows() == n_ * p_ + k_);
     // ColPivHouseholderQR::solve() leaves pivots at rounding level out: inverse iteration lives on them.
     const auto solved = [&](MatrixXd right) {
         last_.apply_transposed_q(right);
-        models::solve_upper_in_place(last_.packed(), right);
+        models::solve_upper_in_place(last, right);
         return last_.permuted(right);
     };
     if (p_ == 1) return solved(b);
@@ -195,11 +195,16 @@ MatrixXd CyclicSystem::solve_scaled(const MatrixXd& b) const {
 
 VectorXd CyclicSystem::null_vector() const {
     constexpr int steps = 3;
+    // A matrix may be singular to the last bit. A pivot of zero stands for one that is lost in rounding.
+    MatrixXd last = last_.packed();
+    const double least = std::numeric_limits<double>::epsilon() * last.diagonal().cwiseAbs().maxCoeff();
+    for (double& pivot : last.diagonal())
+        if (!(std::abs(pivot) > least)) pivot = least;
     VectorXd v(n_ * p_ + k_);
     for (Index i = 0; i < v.size(); ++i)
         v(i) = std::sin(1.0 + 37.0 * static_cast<double>(i * i));  // without structure
     for (int step = 0; step < steps; ++step)
-        v = solve_scaled(v).col(0).stableNormalized();
+        v = solve_scaled(v, last).col(0).stableNormalized();
     for (Index j = 0; unit_.size() > 0 && j < p_; ++j)
         v.segment(n_ * j, n_).array() *= unit_.array();
     return v;

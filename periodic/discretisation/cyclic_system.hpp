@@ -54,8 +54,8 @@ public:
     /// @return d, and tau below it, in the same shape and order. Not finite when singular.
     [[nodiscard]] MatrixXd solve(const MatrixXd& b) const;
 
-    /// The vector that a matrix singular but for a small offset takes next to zero, of norm one in
-    /// units of the scale: three steps of inverse iteration. The same every time.
+    /// The vector that a matrix which is singular, or nearly so, takes next to zero, of norm one in units of the scale:
+    /// three steps of inverse iteration. The same every time.
     [[nodiscard]] VectorXd null_vector() const;
 
 private:
@@ -67,7 +67,8 @@ private:
     };
 
     void factorise(const std::vector<MatrixXd>& factors, const Border& border);
-    [[nodiscard]] MatrixXd solve_scaled(const MatrixXd& b) const;
+    /// @param last  R of the last factor.
+    [[nodiscard]] MatrixXd solve_scaled(const MatrixXd& b, const MatrixXd& last) const;
 
     Index n_ = 0;
     Index p_ = 0;

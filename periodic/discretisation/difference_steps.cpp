@@ -126,8 +126,7 @@ StepImage CentredSteps::state(Index /*j*/, const VectorXd& z, double /*time*/, s
     return image;
 }
 
-std::vector<MatrixXd> CentredSteps::propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& /*nodes*/,
-                                                double /*time*/) const {
+std::vector<MatrixXd> CentredSteps::propagators(const std::vector<MatrixXd>& jacobians) const {
     // A step's Jacobian holds 2 h f_x.
     const Index n = field_.dimension();
     const MatrixXd one = MatrixXd::Identity(n, n);

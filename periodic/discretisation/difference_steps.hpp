@@ -40,8 +40,7 @@ public:
     [[nodiscard]] StepImage state(Index j, const VectorXd& z, double time, std::span<const Index> free) const override;
     /// The two-step scheme has n multipliers too many, near those of -f. The n multipliers of the trapezoidal rule
     /// along the same orbit are as accurate, O(h^2).
-    [[nodiscard]] std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& nodes,
-                                                    double time) const override;
+    [[nodiscard]] std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& jacobians) const override;
 
 private:
     const OrbitField& field_;

@@ -17,6 +17,8 @@ struct StepImage {
     MatrixXd by_state;       ///< shape (d, d)
     VectorXd by_ln_time;     ///< shape (d): T d value / dT; empty where T is known
     MatrixXd by_parameters;  ///< shape (d, f)
+    /// by_state of the pieces that the step was split into, the first one applied first; empty: it was not.
+    std::vector<MatrixXd> pieces;
 };
 
 /// A periodic boundary value problem in discrete time: N one-step maps on a circle,
@@ -41,15 +43,21 @@ public:
     /// F_j(z).
     [[nodiscard]] virtual StepImage advance(Index j, const VectorXd& z, double time,
                                             std::span<const Index> free) const = 0;
-    /// F_j(z_j) of all steps, one after the other; evaluated in parallel. @param nodes  shape (d, N).
+    /// F_j(z_j) of all steps, one after the other; evaluated in parallel.
+    /// @param nodes   shape (d, N).
+    /// @param pieces  into which each step is split, see pieces(); empty: none is.
     [[nodiscard]] virtual std::vector<StepImage> advance_all(const MatrixXd& nodes, double time,
-                                                             std::span<const Index> free) const;
+                                                             std::span<const Index> free,
+                                                             std::span<const int> pieces) const;
+    /// Into how many pieces steps with such Jacobians are split, so that small multipliers keep their digits; empty:
+    /// one each.
+    [[nodiscard]] virtual std::vector<int> pieces(const std::vector<MatrixXd>& /*jacobians*/) const { return {}; }
     /// The model's state at z_j, shape (n); by_state has shape (n, d).
     [[nodiscard]] virtual StepImage state(Index j, const VectorXd& z, double time, std::span<const Index> free) const;
-    /// n x n factors of the monodromy matrix, the first one applied first; `jacobians` are those of advance(). One per
-    /// step, or several where steps are split to keep the digits of the small multipliers.
-    [[nodiscard]] virtual std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& jacobians,
-                                                            const MatrixXd& nodes, double time) const;
+    /// n x n factors of the monodromy matrix, the first one applied first, from those of a ClosingError.
+    [[nodiscard]] virtual std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& factors) const {
+        return factors;
+    }
 
 protected:
     Discretisation(std::vector<double> shares, Index dimension, bool unknown_time)

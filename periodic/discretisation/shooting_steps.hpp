@@ -22,19 +22,23 @@ public:
     [[nodiscard]] StepImage advance(Index j, const VectorXd& z, double time,
                                     std::span<const Index> free) const override;
     /// Segments of equal length are followed in one block.
-    [[nodiscard]] std::vector<StepImage> advance_all(const MatrixXd& nodes, double time,
-                                                     std::span<const Index> free) const override;
-    /// Segments with large error growth are followed once more in pieces. If the largest singular value of a Jacobian
-    /// is g times the smallest, the small multipliers have lost as many digits as g has.
-    [[nodiscard]] std::vector<MatrixXd> propagators(const std::vector<MatrixXd>& jacobians, const MatrixXd& nodes,
-                                                    double time) const override;
+    [[nodiscard]] std::vector<StepImage> advance_all(const MatrixXd& nodes, double time, std::span<const Index> free,
+                                                     std::span<const int> pieces) const override;
+    /// If the largest singular value of a Jacobian is g times the smallest, the small multipliers have lost as many
+    /// digits as g has.
+    [[nodiscard]] std::vector<int> pieces(const std::vector<MatrixXd>& jacobians) const override;
 
 private:
     [[nodiscard]] double duration(const Segment& segment, double time) const {
         return unknown_time() ? segment.share * time : segment.duration;
     }
-    /// @param duration  of the flow.
-    [[nodiscard]] StepImage image_of(const models::FlowResult& flow, double duration, Index free) const;
+    [[nodiscard]] StepImage in_pieces(Index j, const VectorXd& z, double time, std::span<const Index> free,
+                                      int pieces) const;
+    /// The images of one block of flows for each piece.
+    [[nodiscard]] std::vector<StepImage> in_blocks(const MatrixXd& nodes, double duration, std::span<const Index> free,
+                                                   int pieces) const;
+    /// By T, from the image's value. @param duration  of the whole step.
+    void add_slope(StepImage& image, double duration) const;
 
     const models::System& system_;
     const VectorXd& theta_;

@@ -31,7 +31,7 @@ struct ShootingOptions {
     models::FlowOptions flow{};
     /// A segment gets further nodes where the ratio of the largest to the smallest growth of an error exceeds this
     /// (flows); > 1, infinity: none. Sensitivities lose as many digits as this has; multipliers do not, see
-    /// FlowSteps::propagators().
+    /// FlowSteps::pieces().
     double segment_growth = 1e5;
     /// Where Newton's first step does not contract, the orbit nearest to the guess is sought. false: accept any orbit
     /// that Newton's method finds.

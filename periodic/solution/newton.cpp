@@ -180,6 +180,7 @@ NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, d
             // Squares the error once more; the caller evaluates the result there anyway.
             result.nodes += step.nodes;
             result.time *= std::exp(step.ln_time);
+            result.jacobians = std::move(now.closing.jacobians);
             result.status = OrbitStatus::converged;
             return result;
         }

@@ -75,20 +75,22 @@ void compare_with_start(PeriodicOrbit& orbit, const OrbitProblem& problem, const
     }
 }
 
-/// Everything of a solved orbit: at its last nodes, whose steps are followed once more with the free parameters.
+/// Everything of a solved orbit: at its last nodes, whose steps are followed once more with the free parameters, in
+/// pieces where errors grow much.
+/// @param near  Jacobians of the steps, but for the last correction.
 void report(const OrbitProblem& problem, const DiscreteEquations& equations, const DiscreteStart& first,
-            const VectorXd& scale, DiscreteSolution& solution) {
+            const VectorXd& scale, const std::vector<MatrixXd>& near, DiscreteSolution& solution) {
     const Discretisation& discretisation = equations.discretisation;
     PeriodicOrbit& orbit = solution.orbit;
-    const ClosingError closing =
-        closing_error(discretisation, solution.nodes, orbit.time, equations.turns, problem.free);
+    const ClosingError closing = closing_error(discretisation, solution.nodes, orbit.time, equations.turns,
+                                               problem.free, discretisation.pieces(near));
     if (!closing.simulated) {
         orbit.status = OrbitStatus::not_simulated;
         return;
     }
     orbit.residual = closing.error.cwiseAbs().maxCoeff();
     orbit.sticking = closing.sticking;
-    const std::vector<MatrixXd> factors = discretisation.propagators(closing.jacobians, solution.nodes, orbit.time);
+    const std::vector<MatrixXd> factors = discretisation.propagators(closing.factors);
     orbit.multipliers = floquet_multipliers(condensed_factors(factors));
     const bool autonomous = discretisation.unknown_time();
     if (autonomous && !orbit.multipliers.empty()) orbit.trivial_multiplier = take_trivial(orbit.multipliers);
@@ -158,7 +160,7 @@ DiscreteSolution solve_discrete(const OrbitProblem& problem, const Discretisatio
         }
         if (orbit.status != OrbitStatus::converged) orbit.points = wrapped_angles(states, angles);
     }
-    if (orbit.status == OrbitStatus::converged) report(problem, equations, first, scale, solution);
+    if (orbit.status == OrbitStatus::converged) report(problem, equations, first, scale, found.jacobians, solution);
     return solution;
 }
 

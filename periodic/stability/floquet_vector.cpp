@@ -11,10 +11,6 @@ namespace {
 using Complex = std::complex<double>;
 using Eigen::MatrixXcd;
 
-/// The matrix is made singular only to this fraction. A solution then grows to 1e13 along the null vector, and nothing
-/// is divided by zero. The multiplier itself is not known any better.
-constexpr double offset = 1e-13;
-
 /// Multiplication by a complex number times a real matrix, on (real part, imaginary part) below each other.
 MatrixXd real_form(const MatrixXd& factor, Complex number) {
     const Index n = factor.rows();
@@ -33,7 +29,6 @@ MatrixXcd null_vector(const std::vector<MatrixXd>& factors, const std::vector<Co
     std::vector<MatrixXd> scaled;
     for (std::size_t j = 0; j < factors.size(); ++j)
         scaled.push_back(real ? MatrixXd(scale[j].real() * factors[j]) : real_form(factors[j], scale[j]));
-    scaled.front() *= 1.0 + offset;
     const MatrixXd columns = CyclicSystem(scaled).null_vector().reshaped(real ? n : 2 * n, p);
     MatrixXcd result(n, p);
     result.real() = columns.topRows(n);

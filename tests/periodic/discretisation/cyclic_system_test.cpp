@@ -84,6 +84,24 @@ TEST_CASE("bordered cyclic system is solved as the dense matrix is, also where t
     }
 }
 
+TEST_CASE("null vector of a cyclic system that is singular to the last bit, or but for rounding", "[periodic]") {
+    for (const Index p : {1, 2, 3, 6})
+        for (const double offset : {0.0, 1e-16, 1e-13, -1e-13}) {
+            CAPTURE(p, offset);
+            // The product maps (3, 1) to itself, without rounding.
+            std::vector<MatrixXd> factors(1, MatrixXd(2, 2));
+            factors[0] << 2.0, -3.0, 0.5, -0.5;
+            for (Index j = 1; j < p; ++j)
+                factors.push_back((j % 2 == 0 ? 0.5 : j + 1 < p ? 2.0 : 1.0) * MatrixXd::Identity(2, 2));
+            factors.front() *= 1.0 + offset;
+            const VectorXd null = CyclicSystem(factors).null_vector();
+            REQUIRE(null.allFinite());
+            CHECK_THAT(null.norm(), orbid::tests::WithinAbs(1.0, 1e-15));
+            CHECK((dense(factors) * null).norm() < 1e-12);
+            CHECK_THAT(null(0) / null(1), orbid::tests::WithinAbs(3.0, 1e-11));
+        }
+}
+
 TEST_CASE("units of coordinates change nothing of a bordered cyclic system but units", "[periodic]") {
     const Index n = 3, p = 4;
     std::vector<MatrixXd> factors, scaled;
