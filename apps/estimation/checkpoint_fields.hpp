@@ -150,11 +150,11 @@ inline void fields(apps::Archive& archive, Estimate& value) {
     auto& [status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
            laplace_covariance, correlation, singular_values, null_directions, sloppy_directions, trust_normal, distrust,
            hessian_ratio, effective_count, counts, objective, log_likelihood, log_integral, degrees_of_freedom,
-           iterations, evaluations, rounds, remaining, history, active, tilt] = value;
+           iterations, evaluations, rounds, remaining, history, active, tilt, bias_left] = value;
     archive(status, message, parameters, derived, scales, covariances, latents, latent_sds, residuals, covariance,
             laplace_covariance, correlation, singular_values, null_directions, sloppy_directions, trust_normal,
             distrust, hessian_ratio, effective_count, counts, objective, log_likelihood, log_integral,
-            degrees_of_freedom, iterations, evaluations, rounds, remaining, history, active, tilt);
+            degrees_of_freedom, iterations, evaluations, rounds, remaining, history, active, tilt, bias_left);
 }
 
 inline void fields(apps::Archive& archive, StartedRun& value) {

@@ -138,6 +138,9 @@ void judge_parameters(const estimator::Estimate& estimate, Reasons& reasons) {
         if (x.data_share < 1e-3 && std::isfinite(x.sd) && estimate.null_directions.empty())
             reasons.values.push_back(fmt::format("{} is known by its prior alone", x.name));
     }
+    if (!estimate.bias_left.empty())
+        reasons.values.push_back("readings err by more than the course's folds, and their bias is not taken off: " +
+                                 estimate.bias_left);
     if (!estimate.trust_normal)
         reasons.values.push_back(fmt::format("the posterior is not normal{}{}; ask for \"profile\" or \"posterior\"",
                                              estimate.distrust.empty() ? "" : ": ", estimate.distrust));

@@ -3,6 +3,7 @@
 #include <cassert>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
 #include <utility>
 
 #include <boost/math/special_functions/gamma.hpp>
@@ -122,7 +123,8 @@ Rows<T> student_rows(const NoiseModel& law, const LawRecords& records, const Vec
     const T half = 0.5 * (nu + 1.0);
     // In a slope the logarithm itself counts only where nu varies.
     const bool counts = detail::varies(nu);
-    const T normalisation = law.normalisation && !counts ? T(*law.normalisation) : detail::student_normalisation(nu);
+    const bool constant = std::is_same_v<T, double> || !counts;
+    const T normalisation = law.normalisation && constant ? T(*law.normalisation) : detail::student_normalisation(nu);
     return weighted_rows<T>(records, psi[0] + normalisation, [&](double e, T& value) {
         const T sum = spread + e * e;
         const T weight = (nu + 1.0) / sum;

@@ -110,6 +110,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
     if (which.empty()) return estimate;
     const auto unchanged = [&](const std::string& why) {
         Estimate same = estimate;
+        same.bias_left = why;
         same.message += "; the bias is not taken off: " + why;
         return same;
     };

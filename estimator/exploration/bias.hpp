@@ -42,7 +42,7 @@ inline constexpr double largest_bias = 2.0;
 /// Parameters with a prior of their own or a joint one are left where they are; others follow them.
 ///
 /// An estimate that has not converged, without a pair, or with a bias beyond `largest_bias` is returned as it is; the
-/// latter two say so in `message`. One that is stopped meanwhile has the status `interrupted`.
+/// latter two say so in `message` and `bias_left`. One that is stopped meanwhile has the status `interrupted`.
 [[nodiscard]] Estimate unbiased(const std::vector<FreeParameter>& parameters,
                                 const std::vector<const Residual*>& residuals,
                                 const std::vector<DerivedQuantity>& derived, const EstimateOptions& options,

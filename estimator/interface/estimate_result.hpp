@@ -178,6 +178,7 @@ struct Estimate {
     /// A slope that the objective had beside the residuals and priors, see Tilt. What explores the objective around the
     /// estimate takes it among its joint priors.
     std::optional<JointNormalPrior> tilt;
+    std::string bias_left;  ///< why unbiased() took nothing off; empty: it did, or was not asked
 };
 
 }  // namespace orbid::estimator

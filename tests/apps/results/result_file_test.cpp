@@ -96,6 +96,18 @@ TEST_CASE("the interval of a result is the estimate's, the error scale in the da
     CHECK_THAT(json["parameters"]["l"]["relative_deviation"].get<double>(), WithinRel(1.2e-6 / 0.317, 1e-9));
 }
 
+TEST_CASE("the verdict tells of a bias that stays in", "[apps]") {
+    estimator::Estimate estimate;
+    estimate.status = estimator::EstimateStatus::converged;
+    estimate.remaining = 0.0;
+    const auto verdict = [&] { return nlohmann::json::parse(apps::result_text(estimate, {}))["verdict"]; };
+    CHECK(verdict()["trust"] == "all");
+    estimate.bias_left = "no pair of records drawn anew gave two estimates";
+    CHECK(verdict()["trust"] == "values");
+    CHECK(verdict()["because"] == nlohmann::json({"readings err by more than the course's folds, and their bias is not "
+                                                  "taken off: no pair of records drawn anew gave two estimates"}));
+}
+
 TEST_CASE("null directions name their parameters, without zeros, largest first", "[apps]") {
     const auto estimate = tests::made_up_estimate();
     const auto json = nlohmann::json::parse(apps::result_text(estimate, {}));

@@ -180,6 +180,7 @@ TEST_CASE("what cannot be corrected stays as it is, and says why", "[estimator][
         const Estimate same = large.unbiased(1);
         CHECK(same.parameters[0].value == large.estimate.parameters[0].value);
         CHECK_THAT(same.message, ContainsSubstring("the bias is not taken off: that of radius is 10 sds"));
+        CHECK(same.bias_left == "that of radius is 10 sds");
     }
     SECTION("no pair") {
         const Estimate same = circle.unbiased(0);
