@@ -52,10 +52,9 @@ std::vector<StepImage> FlowSteps::advance_all(const MatrixXd& nodes, double time
 
 namespace {
 
-/// The image of what came before, followed on.
-/// @param split  whether it is one of several pieces.
-void join(const models::FlowResult& flow, Index free, bool split, StepImage& image) {
-    const bool first = image.value.size() == 0;
+/// Piece number k of so many follows on from those before it.
+void join(const models::FlowResult& flow, Index free, int k, int pieces, StepImage& image) {
+    const bool first = k == 0;
     image.simulated = (first || image.simulated) && flow.status == models::FlowStatus::ok;
     if (!image.simulated) return;
     const Index n = flow.states.rows();
@@ -65,7 +64,7 @@ void join(const models::FlowResult& flow, Index free, bool split, StepImage& ima
     image.value = flow.states.col(0);
     image.by_parameters = first ? MatrixXd(by_parameters) : MatrixXd(by_state * image.by_parameters + by_parameters);
     image.by_state = first ? MatrixXd(by_state) : MatrixXd(by_state * image.by_state);
-    if (split) image.pieces.emplace_back(by_state);
+    if (pieces > 1) image.pieces.emplace_back(by_state);
 }
 
 }  // namespace
@@ -77,9 +76,9 @@ StepImage FlowSteps::in_pieces(Index j, const VectorXd& z, double time, std::spa
     StepImage image;
     for (int k = 0; k < pieces && (k == 0 || image.simulated); ++k) {
         const double phase = segment.phase + (clock_ == models::Clock::phase ? k * durations[0] : 0.0);
-        join(
-            system_.flow_with_sensitivities(k == 0 ? z : image.value, phase, durations, theta_, free, clock_, options_),
-            std::ssize(free), pieces > 1, image);
+        const VectorXd from = k == 0 ? z : image.value;
+        join(system_.flow_with_sensitivities(from, phase, durations, theta_, free, clock_, options_), std::ssize(free),
+             k, pieces, image);
     }
     add_slope(image, whole);
     return image;
@@ -96,7 +95,7 @@ std::vector<StepImage> FlowSteps::in_blocks(const MatrixXd& nodes, double durati
             phases.push_back(segment.phase + (clock_ == models::Clock::phase ? k * durations[0] : 0.0));
         const auto flows = system_.flows(from, phases, durations, theta_, free, clock_, options_);
         for (std::size_t j = 0; j < images.size(); ++j) {
-            join(flows[j], std::ssize(free), pieces > 1, images[j]);
+            join(flows[j], std::ssize(free), k, pieces, images[j]);
             if (images[j].simulated) from.col(static_cast<Index>(j)) = images[j].value;
         }
     }
