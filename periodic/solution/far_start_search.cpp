@@ -27,7 +27,7 @@ constexpr double weight_of_rest = 10.0;
 
 /// Errors of the flow, and the closing error at which Newton's method stops with it: a hundred times larger, as errors
 /// grow along segments. Of 3000 starts 1e-3 to 1e-2 from cycles of both pendulums as many end at the right orbit with
-/// flows to 1e-5, 1e-6 and 1e-7; the first ones take a step more afterwards.
+/// flows to 1e-5, 1e-6 and 1e-7; those to 1e-5 take a step more afterwards.
 constexpr double coarse_tolerance = 1e-6;
 constexpr double coarsely_closed = 1e-4;
 
@@ -76,12 +76,17 @@ FarStartSearch improve_guess(const OrbitProblem& problem, const ShootingMesh& me
         closing.error -= full_turn * turns;
         return closing;
     };
-    const auto solve = [&](const MatrixXd& turns, bool carefully) {
-        const DiscreteEquations equations{steps, turns, condition, scale};
-        if (!carefully) return newton(equations, mesh.nodes, mesh.time, taken_off(turns), coarse);
-        CorrectedGuess corrected = corrected_guess(equations, mesh.nodes, mesh.time, taken_off(turns), mesh.points);
+    const auto newton_from = [&](const MatrixXd& turns, const MatrixXd& nodes, double time, ClosingError closing,
+                                 int iterations) {
+        coarse.maximum_iterations = iterations;
+        return newton({steps, turns, condition, scale}, nodes, time, std::move(closing), coarse);
+    };
+    const auto solve_carefully = [&](const MatrixXd& turns) {
+        CorrectedGuess corrected =
+            corrected_guess({steps, turns, condition, scale}, mesh.nodes, mesh.time, taken_off(turns), mesh.points);
         if (!corrected.closed) return NewtonResult{};
-        return newton(equations, corrected.nodes, corrected.time, std::move(corrected.closing), coarse);
+        return newton_from(turns, corrected.nodes, corrected.time, std::move(corrected.closing),
+                           options.maximum_iterations);
     };
     double best = std::numeric_limits<double>::infinity();
     const auto consider = [&](const NewtonResult& found, const MatrixXd& turns) {
@@ -89,21 +94,26 @@ FarStartSearch improve_guess(const OrbitProblem& problem, const ShootingMesh& me
         best = distance(found, mesh, scale);
         result = {moved(mesh, found, problem.autonomous()), true, total_rotation(turns, angles), found.iterations};
     };
-    // A map has no coarse image: its first step tells whether Newton's method needs no help.
-    const bool map = system.kind() == models::Kind::map;
-    if (map) coarse.maximum_iterations = 1;
-    const NewtonResult direct = solve(likely, false);
-    const auto trusted = [&] {
-        if (!options.nearest) return true;
-        if (!(direct.contraction < contracting)) return false;
-        return direct.first_step <= needlessly_long * shortest_correction(taken_off(likely), scale, weight_of_rest);
+    // The first step tells whether Newton's method needs no help. A map has no coarse image, and is left to it then.
+    NewtonResult direct = newton_from(likely, mesh.nodes, mesh.time, taken_off(likely), 1);
+    const bool trusted =
+        !options.nearest ||
+        (direct.contraction < contracting &&
+         direct.first_step <= needlessly_long * shortest_correction(taken_off(likely), scale, weight_of_rest));
+    if (trusted && system.kind() == models::Kind::map) return result;
+    const auto go_on = [&] {
+        if (direct.status == OrbitStatus::iteration_limit) {
+            direct =
+                newton_from(likely, direct.nodes, direct.time, std::move(direct.closing), options.maximum_iterations);
+            ++direct.iterations;
+        }
+        consider(direct, likely);
     };
-    if (map && trusted()) return result;
-    coarse.maximum_iterations = options.maximum_iterations;
-    consider(map ? solve(likely, false) : direct, likely);
-    if (!options.nearest || (result.closed && trusted())) return result;
-    consider(solve(likely, true), likely);
-    if ((likely - nearest).cwiseAbs().maxCoeff() > 0.0) consider(solve(nearest, true), nearest);
+    if (trusted) go_on();
+    if (trusted && (result.closed || !options.nearest)) return result;
+    consider(solve_carefully(likely), likely);
+    if ((likely - nearest).cwiseAbs().maxCoeff() > 0.0) consider(solve_carefully(nearest), nearest);
+    if (!trusted && !result.closed) go_on();
     return result;
 }
 

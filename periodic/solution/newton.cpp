@@ -180,7 +180,7 @@ NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, d
             // Squares the error once more; the caller evaluates the result there anyway.
             result.nodes += step.nodes;
             result.time *= std::exp(step.ln_time);
-            result.jacobians = std::move(now.closing.jacobians);
+            result.closing = std::move(now.closing);
             result.status = OrbitStatus::converged;
             return result;
         }
@@ -198,6 +198,7 @@ NewtonResult newton(const DiscreteEquations& equations, const MatrixXd& start, d
         }
         last_size = step_size;
     }
+    result.closing = std::move(now.closing);
     return result;
 }
 

@@ -39,8 +39,8 @@ struct NewtonResult {
     MatrixXd nodes;                                 ///< shape (d, N): the last iterate
     double time = 0.0;                              ///< T of the last iterate, where it is unknown
     int iterations = 0;
-    double residual = 0.0;            ///< largest closing error, over nodes and entries
-    std::vector<MatrixXd> jacobians;  ///< of the steps, before the last Newton step; empty unless converged
+    double residual = 0.0;  ///< largest closing error, over nodes and entries
+    ClosingError closing;   ///< at the last iterate; where converged, before its last step
     /// Length of the second step, with the old matrix, relative to the first one; infinity where there was none. Below
     /// 1/4 the orbit found is the only one near the guess, judged by these two steps.
     double contraction = std::numeric_limits<double>::infinity();

@@ -160,7 +160,8 @@ DiscreteSolution solve_discrete(const OrbitProblem& problem, const Discretisatio
         }
         if (orbit.status != OrbitStatus::converged) orbit.points = wrapped_angles(states, angles);
     }
-    if (orbit.status == OrbitStatus::converged) report(problem, equations, first, scale, found.jacobians, solution);
+    if (orbit.status == OrbitStatus::converged)
+        report(problem, equations, first, scale, found.closing.jacobians, solution);
     return solution;
 }
 
