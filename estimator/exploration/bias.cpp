@@ -106,7 +106,7 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
                   std::size_t pairs, const RecordDrawOptions& draws) {
     constexpr int most_rounds = 5;
     if (estimate.status != EstimateStatus::converged) return estimate;
-    const std::vector<Index> which = movable(parameters, options, estimate);
+    std::vector<Index> which = movable(parameters, options, estimate);
     if (which.empty()) return estimate;
     const auto unchanged = [&](const std::string& why) {
         Estimate same = estimate;
@@ -120,8 +120,6 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
         half.message = "interrupted before the bias was taken off";
         return half;
     };
-    const models::CholeskyFactor information(estimate.laplace_covariance(which, which));
-    if (!information.positive_definite()) return unchanged("the covariance of the parameters is singular");
     const SimulatedBias bias = simulated_bias(parameters, residuals, options, estimate, pairs, draws);
     if (options.interrupted && options.interrupted()) return stopped();
     if (bias.pairs == 0) return unchanged("no pair of records drawn anew gave two estimates");
@@ -129,10 +127,15 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
         const Estimated& one = estimate.parameters[static_cast<std::size_t>(i)];
         if (std::abs(bias.value[i]) > largest_bias * one.sd)
             return unchanged(fmt::format("that of {} is {:.2g} sds", one.name, bias.value[i] / one.sd));
-        const FreeParameter& free = parameters[static_cast<std::size_t>(i)];
-        if (const double to = one.value - bias.value[i]; !(to > free.lower && to < free.upper))
-            return unchanged(fmt::format("{} would lie beyond its bound", one.name));
     }
+    std::erase_if(which, [&](Index i) {
+        const FreeParameter& free = parameters[static_cast<std::size_t>(i)];
+        const double to = estimate.parameters[static_cast<std::size_t>(i)].value - bias.value[i];
+        return !(to > free.lower && to < free.upper);
+    });
+    if (which.empty()) return unchanged("all parameters would lie beyond their bounds");
+    const models::CholeskyFactor information(estimate.laplace_covariance(which, which));
+    if (!information.positive_definite()) return unchanged("the covariance of the parameters is singular");
     const VectorXd first = values_of(estimate)(which);
     VectorXd rest = bias.value(which);  // what the minimum still lies too high
     VectorXd slope = VectorXd::Constant(std::ssize(parameters), nan_value);

@@ -39,7 +39,8 @@ inline constexpr double largest_bias = 2.0;
 /// objective gets the slope (Estimate::tilt) that moves its minimum by the bias, to a twentieth of a sd; the values of
 /// the estimate's objective and likelihood are without it.
 ///
-/// Parameters with a prior of their own or a joint one are left where they are; others follow them.
+/// Parameters with a prior of their own or a joint one, and those that would pass a bound, have no slope; they follow
+/// the others.
 ///
 /// An estimate that has not converged, without a pair, or with a bias beyond `largest_bias` is returned as it is; the
 /// latter two say so in `message` and `bias_left`. One that is stopped meanwhile has the status `interrupted`.
