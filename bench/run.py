@@ -39,7 +39,7 @@ programs = {
     "experiment_cycles_bench": ([["0", "1"]], [[]]),
     "flow_bench": ([[]], [[]]),
     "grid_bench": ([["18"]], [[]]),
-    "identification_bench": ([["lorenz", "short", "pendulum", "1000", "paper", "5000", "iteration", "5000"]], [[]]),
+    "identification_bench": ([["lorenz", "short", "pendulum", "1000", "paper", "5000", "iteration", "42754"]], [[]]),
     "orbit_search_bench": ([["parametric_pendulum", "3", "14"]], [[]]),
     "periodic_bench": ([[]], [[]]),
     "campaign_bench": ([["20000", "0"], ["2000", "1"]], [["100000", "0"], ["100000", "1"], ["200", "1000"]]),
