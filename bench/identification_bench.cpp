@@ -219,12 +219,17 @@ void run_lorenz() {
         }
     // The optimum of a deterministic model, with segments picked by hand.
     double peer = std::numeric_limits<double>::infinity();
+    // The shortest of some runs each: they take a tenth of a second.
+    constexpr int runs = 3;
     for (const int interval : {20, 50}) {
         ShootingTask task = shooting_task(e, interval, 1 << 30);
         task.iterations = 200;
-        peer = std::min(peer, ladder(e, task, {1e-1, 1e-2, 1e-3}, {1.0, 1.0, 1.0}));
+        for (int i = 0; i < runs; ++i)
+            peer = std::min(peer, ladder(e, task, {1e-1, 1e-2, 1e-3}, {1.0, 1.0, 1.0}));
     }
-    const Ours own = ours(e);
+    Ours own = ours(e);
+    for (int i = 1; i < runs; ++i)
+        if (Ours run = ours(e); run.seconds < own.seconds) own = std::move(run);
     print_ours(e, own);
     print_ratio("Lorenz, 30 s from bad starts, errors unknown", "Ceres, stages and intervals by hand, errors known",
                 own.seconds, peer, "s");
