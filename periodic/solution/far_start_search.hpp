@@ -15,7 +15,7 @@ struct FarStartSearch {
     int iterations = 0;         ///< steps of Newton's method taken
 };
 
-/// First steps towards an orbit, with a coarse flow (1e-7). They choose the whole turns and iterate. Where the first
+/// First steps towards an orbit, with a coarse flow (1e-6). They choose the whole turns and iterate. Where the first
 /// step of Newton's method does not contract, they look for the orbit nearest to the guess instead (corrected_guess()).
 /// The accurate computation that follows then starts from the right place.
 ///
