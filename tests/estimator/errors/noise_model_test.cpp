@@ -57,7 +57,7 @@ Case made(std::string name, NoiseModel law, std::vector<double> psi, Eigen::Inde
 
 std::vector<Case> cases() {
     return {made("normal", law_of(NormalErrors{}), {std::log(0.7)}),
-            made("student", law_of(StudentErrors{}), {std::log(0.7), std::log(2.6)}),
+            made("student", law_of(StudentErrors{{true, 2.6, FlatPrior{}}}), {std::log(0.7), std::log(2.6)}),
             made("laplace", law_of(LaplaceErrors{}), {std::log(0.7)}),
             made("lognormal", law_of(LogNormalErrors{}), {std::log(0.7)}),
             made("relative", law_of(RelativeErrors{}), {std::log(0.4), std::log(0.3)}),
@@ -110,7 +110,8 @@ TEST_CASE("error laws: values are those of the distributions", "[estimator]") {
                 static_cast<double>(0.5L * std::log(static_cast<long double>(dof) * std::numbers::pi_v<long double>) +
                                     std::lgamma(0.5L * dof) - std::lgamma(0.5L * dof + 0.5L) + std::log(0.7L) +
                                     0.5L * (dof + 1.0L) * std::log1p(static_cast<long double>(z) * z / dof));
-            CHECK_THAT(value_of_one(law_of(StudentErrors{}), two, e), WithinRel(exact, 1e-13));
+            CHECK_THAT(value_of_one(law_of(StudentErrors{{true, dof, FlatPrior{}}}), two, e), WithinRel(exact, 1e-13));
+            CHECK_THAT(value_of_one(law_of(StudentErrors{{false, dof, FlatPrior{}}}), two, e), WithinRel(exact, 1e-13));
             // The library's density carries a power of (dof + 1) / 2 of a rounded number and underflows far out.
             const double density = boost::math::pdf(boost::math::students_t(dof), z) / 0.7;
             if (density > 0.0) CHECK_THAT(exact, WithinRel(-std::log(density), 1e-11));
