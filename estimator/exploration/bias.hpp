@@ -42,8 +42,9 @@ inline constexpr double largest_bias = 2.0;
 /// Parameters with a prior of their own or a joint one, and those that would pass a bound, have no slope; they follow
 /// the others.
 ///
-/// An estimate that has not converged, without a pair, or with a bias beyond `largest_bias` is returned as it is; the
-/// latter two say so in `message` and `bias_left`. One that is stopped meanwhile has the status `interrupted`.
+/// An estimate that has not converged is returned as it is. So is one without a pair, with a bias beyond
+/// `largest_bias`, or whose minimisation with the slope does not converge: `message` and `bias_left` say why. One that
+/// is stopped meanwhile has the status `interrupted`.
 [[nodiscard]] Estimate unbiased(const std::vector<FreeParameter>& parameters,
                                 const std::vector<const Residual*>& residuals,
                                 const std::vector<DerivedQuantity>& derived, const EstimateOptions& options,

@@ -45,7 +45,7 @@ public:
                                             std::span<const Index> free) const = 0;
     /// F_j(z_j) of all steps, one after the other; evaluated in parallel.
     /// @param nodes   shape (d, N).
-    /// @param pieces  into which each step is split, see pieces(); empty: none is.
+    /// @param pieces  into which each step is split, as pieces() says; empty: none is.
     [[nodiscard]] virtual std::vector<StepImage> advance_all(const MatrixXd& nodes, double time,
                                                              std::span<const Index> free,
                                                              std::span<const int> pieces) const;

@@ -72,7 +72,7 @@ TEST_CASE("steps in pieces end where whole ones do, with the same derivatives", 
             const auto& f = split.factors;
             CHECK(f.size() == static_cast<std::size_t>(points < 6 ? points + 2 : 3 * points));
             CHECK(near(f[f.size() - 1] * f[f.size() - 2] * f[f.size() - 3], split.jacobians.back()));
-            // A piece that cannot be followed is not gone on from.
+            // A step that cannot be followed is told, also in pieces.
             if (system->kind() != models::Kind::autonomous) continue;
             Eigen::MatrixXd lost = mesh.nodes;
             lost(0, points - 1) = 1e200;
