@@ -124,7 +124,7 @@ Ours ours(const Experiment& e) {
     auto parameters = e.parameters;
     result.theta = start_of(e);
     const auto starts =
-        orbits::transitions(*e.system, e.binding.values(result.theta), e.series, e.sensor, {}, 1, 2000, 1);
+        orbits::transitions(*e.system, e.binding.values(result.theta), e.series, e.sensor, {}, 1, 500, 1);
     Eigen::MatrixXd states(e.system->dimension(), std::ssize(starts));
     for (std::size_t k = 0; k < starts.size(); ++k)
         states.col(static_cast<Eigen::Index>(k)) = starts[k].from;

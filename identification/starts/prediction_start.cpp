@@ -15,9 +15,9 @@ namespace orbid::identification {
 
 namespace {
 
-// Of all experiments together: enough that a parameter with 1 % of the information is found to a few percent, and
-// cheap beside every later stage.
-constexpr std::size_t predicted_intervals = 2000;
+// Of all experiments together, and cheap beside every later stage. Of 53 chaotic systems 500 solved as many as 2000, at
+// errors of 1 % and of 5 %.
+constexpr std::size_t predicted_intervals = 500;
 // The next stage moves the parameters again.
 constexpr int prediction_iterations = 60;
 constexpr double prediction_tolerance = 0.1;  // of sds: errors of the readings bias it by more

@@ -21,7 +21,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double largest_growth = 2.7182818284590452;
+/// Of errors between two nodes. States that were followed to hidden coordinates may begin far off.
+constexpr double largest_growth = std::numbers::e * std::numbers::e;
+constexpr double largest_growth_hidden = std::numbers::e;
 constexpr double largest_error = 0.2;  // of the range
 
 /// What nine of ten stay below.
@@ -235,6 +237,7 @@ Index shooting_interval(std::span<const std::shared_ptr<const models::System>> s
     if (series.sampling == Series::Sampling::section) return 1;
     constexpr std::size_t looks = 100;
     const models::System& system = *systems.front();
+    const double allowed = known.empty() ? largest_growth : largest_growth_hidden;
     Index longest = 1;
     for (const std::size_t s : segments)
         longest = std::max(longest, series.segments[s].values.cols() - 1);
@@ -254,7 +257,7 @@ Index shooting_interval(std::span<const std::shared_ptr<const models::System>> s
             growth.push_back(models::singular_values(x)[0]);
             error.push_back(p.error.cwiseQuotient(range).cwiseAbs().maxCoeff());
         }
-        return 2 * growth.size() > starts.size() && usual(growth) <= largest_growth && usual(error) <= largest_error;
+        return 2 * growth.size() > starts.size() && usual(growth) <= allowed && usual(error) <= largest_error;
     };
     // Doubling, then bisection to within an eighth.
     Index good = 1;

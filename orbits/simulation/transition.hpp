@@ -93,11 +93,13 @@ struct Prediction {
 /// The same of what states span alone: where readings are no states.
 [[nodiscard]] Eigen::VectorXd state_range(const models::System& system, const Eigen::MatrixXd& states);
 
-/// Sampling intervals from node to node such that errors of a node grow by no more than a factor e (the spectral norm
-/// of X, coordinates in units of their ranges), and predictions from the states that the data say stay within a fifth
-/// of the range; both in nine of ten places of the record and at the given parameters. 1 for sections.
+/// Sampling intervals from node to node such that errors of a node grow by no more than a factor e^2 (the spectral norm
+/// of X, coordinates in units of their ranges), of hidden coordinates e, and predictions from the states that the data
+/// say stay within a fifth of the range; both in nine of ten places of the record and at the given parameters. 1 for
+/// sections.
 ///
-/// Longer intervals need fewer nodes, but bend: exp(growth) is what a Newton step has to linearise.
+/// Longer intervals need fewer nodes, but bend: exp(growth) is what a Newton step has to linearise. Of 53 chaotic
+/// systems e^2 solved as many as e where all coordinates were read, and lost one where the first alone was.
 ///
 /// @param systems  one per segment of the series, each with its measured inputs, or one in all.
 /// @param theta    shape (q), all parameters of the system.
