@@ -7,9 +7,9 @@
 
 namespace orbid::estimator {
 
-/// Blocks per piece of a loop: small enough to distribute, large enough that the overhead is negligible. (A block takes
-/// about a microsecond, distributing a piece about as much.)
-inline constexpr std::size_t blocks_per_piece = 256;
+/// Blocks per piece of a loop: small enough that the hundred of a short record are distributed, large enough that the
+/// overhead is negligible. (A block takes one to five microseconds, distributing a piece about one.)
+inline constexpr std::size_t blocks_per_piece = 32;
 
 /// Number of pieces of a loop over `count` blocks; it depends on nothing else.
 [[nodiscard]] inline std::size_t pieces_of(std::size_t count) {

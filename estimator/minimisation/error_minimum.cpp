@@ -82,7 +82,6 @@ private:
     const ErrorSearch& search_;
     ErrorMinimum minimum_;
     ErrorPoint point_;  ///< at minimum_.psi, unless the last step was taken without a trial
-    bool at_psi_ = true;
     std::vector<Eigen::Index> free_;  ///< not held at a limit
     ErrorCurvature unknown_;
     ErrorCurvature& curvature_;
@@ -148,13 +147,13 @@ Eigen::VectorXd ErrorDescent::newton_step() const {
 
 void ErrorDescent::take_untried(const Eigen::VectorXd& newton) {
     const Eigen::VectorXd gradient = point_.gradient(free_);
+    minimum_.evaluated = minimum_.psi;
     for (Eigen::Index i = 0; i < newton.size(); ++i) {
         const Eigen::Index k = free_[static_cast<std::size_t>(i)];
         minimum_.psi[k] = within_limits(k, minimum_.psi[k] + newton[i]);
     }
     minimum_.after += 0.5 * gradient.dot(newton);
     ++minimum_.steps;
-    at_psi_ = false;
 }
 
 /// Newton's step, and fixed-point ones where it does not reach.
@@ -250,7 +249,8 @@ ErrorMinimum ErrorDescent::run() {
         halve(best);
         move_to(std::move(best));
     }
-    if (at_psi_ && !point_.standard.arrow.blocks.empty()) minimum_.standard = std::move(point_.standard);
+    if (minimum_.evaluated.size() == 0) minimum_.evaluated = minimum_.psi;
+    if (!point_.standard.arrow.blocks.empty()) minimum_.standard = std::move(point_.standard);
     return std::move(minimum_);
 }
 

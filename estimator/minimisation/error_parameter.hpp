@@ -98,7 +98,9 @@ struct ErrorMinimum {
     double distance = 0.0;
     std::vector<bool> at_floor;             ///< held at its lower limit; for a scale: residuals at rounding level
     std::vector<bool> at_ceiling;           ///< held at its upper limit
-    std::optional<WhitenedArrow> standard;  ///< factorised at psi; none where the last step was taken without a trial
+    /// Where Phi_psi was last evaluated: psi, or where the last step began if it was taken without a trial.
+    Eigen::VectorXd evaluated;
+    std::optional<WhitenedArrow> standard;  ///< factorised there; none: it was given up
 };
 
 /// What a minimisation learned about the curvature of Phi_psi over the free parameters, for the next one.

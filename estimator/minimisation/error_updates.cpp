@@ -6,6 +6,13 @@
 
 namespace orbid::estimator {
 
+namespace {
+
+/// With steps this long, in posterior sds, an estimate ends that is only the start of another one.
+constexpr double rough_estimate = 1e-2;
+
+}  // namespace
+
 void ErrorUpdates::start(const Minimum& minimum, State& state, int round) {
     const bool known = state.errors_known || (set_.provisional && round > 1);
     const std::vector<bool> free = free_errors(problem_, set_);
@@ -71,14 +78,14 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
     const ErrorLimits limit = error_limits(problem_, set_, state, minimum.rows, latent_fit_);
     rounding_ = limit.rounding;
     // Scales of long data need not be better than the parameters, which have this far to go; while that is far the next
-    // step repeats the search. Short data are always searched to the end. That costs nothing, and the likelihood of two
-    // scales may have another minimum nearby, where one of them is zero. Errors that are not normal take all records,
-    // also without latent states.
+    // step repeats the search. Short data are searched to the end, unless the estimate is itself a rough one. That costs
+    // little, and the likelihood of two scales may have another minimum nearby, where one of them is zero. Errors that
+    // are not normal take all records, also without latent states.
     ErrorSearch search;
-    if (is_long(set_) || set_.records >= many_records) {
+    if (is_long(set_) || set_.records >= many_records || problem_.options.step_tolerance >= rough_estimate) {
         search.tolerance = std::clamp(1e-3 * length, 1e-12, 1e-2);
         search.known = &curvature_;
-        if (length > 1e-2 && set_.constraints == 0) search.untried = 0.1;
+        if (length > std::max(1e-2, 10.0 * problem_.options.step_tolerance)) search.untried = 0.1;
     }
     ErrorMinimum found =
         minimise_errors(errors, state.psi, limit.floor, limit.ceiling, search, std::exchange(standard, std::nullopt));
@@ -92,7 +99,16 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
         if (psi != found.psi) return psi;
     }
     standard = std::move(found.standard);
-    return found.psi;
+    // What is factorised serves the next step too, whose errors those of psi are to first order.
+    if (!standard) return found.psi;
+    if (found.psi != found.evaluated) due_ = std::move(found.psi);
+    return found.evaluated;
+}
+
+bool ErrorUpdates::take_due(Eigen::VectorXd& psi) {
+    if (due_.size() == 0) return false;
+    psi = std::exchange(due_, {});
+    return true;
 }
 
 }  // namespace orbid::estimator

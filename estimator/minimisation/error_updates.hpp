@@ -33,7 +33,8 @@ public:
     [[nodiscard]] Eigen::VectorXd followed(const Minimum& minimum, const State& state, int round) const;
     [[nodiscard]] Decision decide(const Minimum& minimum, const BlockArrow& arrow, const Eigen::VectorXd& psi,
                                   const StepTaken& last) const;
-    /// psi at the minimum of Phi_psi. It is noted in the history and in the limits of `minimum`.
+    /// psi at the minimum of Phi_psi. It is noted in the history and in the limits of `minimum`. Where a step of the
+    /// parameters follows anyway, psi may be where it is only nearly there, and go on with that step, see take_due().
     /// @param length    of the full step of the parameters, in posterior sds
     /// @param standard  what is factorised at the state already, see evaluate_errors(); becomes that of the psi found
     [[nodiscard]] Eigen::VectorXd searched(Follow follow, double length, const State& state, Minimum& minimum,
@@ -42,6 +43,8 @@ public:
     [[nodiscard]] std::string refusal(const Minimum& minimum, const Eigen::VectorXd& psi) const {
         return why_no_covariance(problem_, set_, psi, minimum.step.space.data.cols());
     }
+    /// Moves psi to where it goes with a step of the parameters. @return whether that is elsewhere
+    bool take_due(Eigen::VectorXd& psi);
     /// The weight of constraints changed: what was learned about curvature is no longer valid.
     void forget_curvature() { curvature_ = {}; }
     /// See ErrorLimits, at the last search.
@@ -52,6 +55,7 @@ private:
     const BlockSet& set_;
     Eigen::VectorXd latent_fit_;  ///< see latent_fit_sizes(), at the start
     ErrorCurvature curvature_;
+    Eigen::VectorXd due_;  ///< psi after the next step; empty: it stays
     double rounding_ = 0.0;
 };
 

@@ -45,6 +45,7 @@ Minimum Minimisation::run(const std::function<void()>& begun) {
         if (decision.next == stage) {
             tighten();
         } else if (decision.next == end) {
+            if (settle_errors()) continue;
             conclude(decision.outcome, decision.message);
             if (decision.outcome != Outcome::no_progress || !passes_kink()) break;
         } else if (!go_on()) {
@@ -120,6 +121,14 @@ bool Minimisation::update_errors() {
     return true;
 }
 
+/// The error parameters where the next step would take them, if none follows. @return whether they moved
+bool Minimisation::settle_errors() {
+    if (!errors_.take_due(state_.psi)) return false;
+    rescale([this] { factorise_errors(); });
+    factorise_steps();
+    return true;
+}
+
 /// The error parameters at their minimum.
 void Minimisation::search_errors(Follow follow) {
     std::optional<WhitenedArrow> standard;
@@ -146,6 +155,7 @@ void Minimisation::search_errors(Follow follow) {
 void Minimisation::tighten() {
     rescale([this] {
         minimum_.matching = stages_.begin_next(minimum_.matching);
+        errors_.take_due(state_.psi);
         factorise_errors();
     });
     errors_.forget_curvature();

@@ -58,6 +58,7 @@ private:
     void tighten();
     void rescale(const std::function<void()>& change);
     void search_errors(Follow follow);
+    bool settle_errors();
     void factorise_errors();
     void factorise_steps();
     void take_factor(WhitenedArrow standard);

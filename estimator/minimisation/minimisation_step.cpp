@@ -89,6 +89,7 @@ void Minimisation::adopt(const TrialStep& step, Trial trial, double misfit) {
                    : 1.0;
     ++ledger_.iterations;
     state_ = std::move(trial.state);
+    errors_.take_due(state_.psi);
     minimum_.evaluation = std::move(trial.evaluation);
     drop_factors();
     minimum_.take_rows(problem_, set_, state_);
