@@ -131,10 +131,12 @@ void add_diagonal(Eigen::MatrixXd& triangle, const Eigen::VectorXd& diagonal) {
         row.setZero();
         row[i] = diagonal[i];
         for (Eigen::Index k = i; k < q; ++k) {
-            const double length = std::hypot(triangle(k, k), row[k]);
-            if (!(length > 0.0)) continue;
-            const double c = triangle(k, k) / length;
-            const double s = row[k] / length;
+            // Divided by the larger one, so that no square leaves the range of a double.
+            const double larger = std::max(std::abs(triangle(k, k)), std::abs(row[k]));
+            if (!(larger > 0.0)) continue;
+            const double x = triangle(k, k) / larger, y = row[k] / larger;
+            const double inverse = 1.0 / std::sqrt(x * x + y * y);
+            const double c = x * inverse, s = y * inverse;
             for (Eigen::Index j = k; j <= q; ++j) {
                 const double above = triangle(k, j);
                 triangle(k, j) = c * above + s * row[j];

@@ -11,7 +11,9 @@ namespace orbid::estimator {
 
 bool Minimisation::start(const std::function<void()>& begun) {
     if (is_plain_least_squares(problem_, set_)) {
-        minimum_.evaluation = solve_plain_least_squares(problem_, set_, state_, ledger_);
+        PlainSolution found = solve_plain_least_squares(problem_, set_, state_, ledger_);
+        minimum_.evaluation = std::move(found.evaluation);
+        if (found.exhausted) stopping_.expect_no_digits();
     } else {
         minimum_.evaluation = evaluate(problem_.residuals, set_, problem_.laws, state_.theta, state_.latents, true);
         ++ledger_.evaluations;

@@ -55,12 +55,13 @@ public:
           estimated_(problem.errors.front().estimate),
           slope_(parameters_) {}
 
-    Evaluation run();
+    PlainSolution run();
 
 private:
     enum class Verdict { accepted, rejected, stop };
 
-    bool move_to(const Eigen::VectorXd& u, bool derivatives);
+    bool move_by(const Eigen::VectorXd& step, double factor, bool derivatives);
+    [[nodiscard]] bool inside(const Eigen::VectorXd& step, double factor) const;
     void factorise();
     void solve_damped();
     bool correct();
@@ -69,7 +70,7 @@ private:
     void start_scale();
     [[nodiscard]] double objective(double square) const;
     void record(double square, bool accepted, double change, StepRejection reason);
-    void adopt(Evaluation&& evaluation, Eigen::VectorXd&& e);
+    void adopt();
     [[nodiscard]] double square_of_scale() const {
         if (!estimated_) return std::exp(2.0 * state_.psi[0]);
         return square_ / static_cast<double>(std::max<Eigen::Index>(rows_.records() - parameters_, 1));
@@ -95,22 +96,37 @@ private:
     double gain_ = 0.0;       ///< actual over predicted decrease of the last trial
     double bend_ = 1.0;       ///< of the last correction, see longest_correction
     double stretch_ = 1.0;
+    bool exhausted_ = false;  ///< see PlainSolution
 
+    // Small problems take a microsecond per trial: what has the same size each time keeps its memory.
     Eigen::MatrixXd damped_;  ///< R factor with damping, shape (parameters, parameters + 1)
     Eigen::VectorXd step_;
-    Eigen::VectorXd moved_;  ///< R factor times step
+    Eigen::VectorXd moved_;       ///< R factor times step
+    Eigen::VectorXd correction_;  ///< see correct()
     bool derivatives_at_trial_ = true;
     State trial_;
     Evaluation trial_values_;
+    Eigen::VectorXd trial_e_;
 };
 
-/// Values at coordinates u. @return false where they cannot be computed
-bool LeastSquares::move_to(const Eigen::VectorXd& u, bool derivatives) {
-    trial_.u = u;
-    trial_.theta = natural_parameters(problem_, u);
+/// Values where a step times a factor leads. @return false where they cannot be computed
+bool LeastSquares::move_by(const Eigen::VectorXd& step, double factor, bool derivatives) {
+    trial_.u = state_.u + factor * step;
+    set_natural_parameters(problem_, trial_.u, trial_.theta);
     trial_values_ = evaluate_trial(problem_.residuals, set_, problem_.laws, trial_.theta, state_.latents, derivatives);
     ++ledger_.evaluations;
-    return trial_values_.failed.empty();
+    if (!trial_values_.failed.empty()) return false;
+    rows_.set_errors(trial_values_, trial_e_);
+    return true;
+}
+
+/// Whether all coordinates stay inside their bounds.
+bool LeastSquares::inside(const Eigen::VectorXd& step, double factor) const {
+    for (Eigen::Index i = 0; i < parameters_; ++i) {
+        const double u = state_.u[i] + factor * step[i];
+        if (!(u >= problem_.lower[i] && u <= problem_.upper[i])) return false;
+    }
+    return true;
 }
 
 void LeastSquares::factorise() {
@@ -123,7 +139,8 @@ void LeastSquares::factorise() {
     const double least = square_ > 0.0 ? least_column * std::sqrt(square_) : 1.0;
     norm = norm.cwiseMax(least * size.cwiseInverse());
     const double kept = ledger_.trials > trials_until_forgetting ? kept_norm : 1.0;
-    largest_ = largest_.size() == 0 ? norm : Eigen::VectorXd((kept * largest_).cwiseMax(norm));
+    if (largest_.size() == 0) largest_ = Eigen::VectorXd::Zero(parameters_);
+    largest_ = (kept * largest_).cwiseMax(norm);
     remaining_ = triangle_.col(parameters_).head(parameters_).norm() / std::sqrt(square_of_scale());
 }
 
@@ -134,24 +151,30 @@ void LeastSquares::solve_damped() {
     add_diagonal(damped_, std::sqrt(damping_) * largest_);
     step_ = -damped_.col(q);
     models::solve_upper_in_place(damped_.leftCols(q), step_);
-    moved_ = triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>() * step_;
+    moved_.setZero(q);
+    for (Eigen::Index j = 0; j < q; ++j)
+        moved_.head(j + 1) += step_[j] * triangle_.col(j).head(j + 1);
 }
 
 /// Adds the second-order correction to the step: e + J d + 1/2 e'' d^2 is minimised instead of e + J d. Only J^T e'' is
 /// needed, and of it J^T J d is known from the R factor.
 /// @return false where the correction shows that the step is too long
 bool LeastSquares::correct() {
-    if (!move_to(state_.u + probe * step_, false)) return false;
+    if (!move_by(step_, probe, false)) return false;
     const Eigen::Index q = parameters_;
-    const Eigen::VectorXd risen = rows_.gathered(now_, (rows_.errors(trial_values_) - e_) / probe);
-    const Eigen::VectorXd straight = triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>().transpose() * moved_;
-    Eigen::VectorXd correction = (2.0 / probe) * (straight - slope_.cwiseProduct(risen));
-    if (!correction.allFinite()) return false;
-    models::solve_transposed_upper_in_place(damped_.leftCols(q), correction);
-    models::solve_upper_in_place(damped_.leftCols(q), correction);
-    bend_ = 2.0 * largest_.cwiseProduct(correction).norm() / largest_.cwiseProduct(step_).norm();
+    trial_e_ = (trial_e_ - e_) / probe;
+    const Eigen::VectorXd risen = rows_.gathered(now_, trial_e_);
+    correction_.resize(q);
+    for (Eigen::Index j = 0; j < q; ++j) {
+        const double straight = triangle_.col(j).head(j + 1).dot(moved_.head(j + 1));
+        correction_[j] = (2.0 / probe) * (straight - slope_[j] * risen[j]);
+    }
+    if (!correction_.allFinite()) return false;
+    models::solve_transposed_upper_in_place(damped_.leftCols(q), correction_);
+    models::solve_upper_in_place(damped_.leftCols(q), correction_);
+    bend_ = 2.0 * largest_.cwiseProduct(correction_).norm() / largest_.cwiseProduct(step_).norm();
     if (!(bend_ <= longest_correction)) return false;
-    step_ += 0.5 * correction;
+    step_ += 0.5 * correction_;
     return true;
 }
 
@@ -179,36 +202,31 @@ void LeastSquares::record(double square, bool accepted, double change, StepRejec
               problem_, trial_.theta);
 }
 
-void LeastSquares::adopt(Evaluation&& evaluation, Eigen::VectorXd&& e) {
-    now_ = std::move(evaluation);
-    e_ = std::move(e);
+/// Takes the trial.
+void LeastSquares::adopt() {
+    now_ = std::move(trial_values_);
+    std::swap(e_, trial_e_);
     square_ = e_.squaredNorm();
     state_.theta = trial_.theta;
     state_.u = trial_.u;
-}
-
-/// Whether all coordinates stay inside their bounds.
-bool inside(const Problem& problem, const Eigen::VectorXd& u) {
-    return (u.array() >= problem.lower.array()).all() && (u.array() <= problem.upper.array()).all();
 }
 
 LeastSquares::Verdict LeastSquares::try_step() {
     solve_damped();
     if (!step_.allFinite()) return Verdict::stop;
     const double predicted = -(2.0 * triangle_.col(parameters_).head(parameters_).dot(moved_) + moved_.squaredNorm());
-    if (!inside(problem_, state_.u + step_)) return Verdict::stop;
+    if (!inside(step_, 1.0)) return Verdict::stop;
     ++ledger_.trials;
     double change = std::numeric_limits<double>::infinity();
     const bool straight = remaining_ < curved_sds || (gain_ > good_gain && bend_ < least_bend);
     const bool corrected = straight || correct();
-    if (corrected && !inside(problem_, state_.u + step_)) return Verdict::stop;
-    if (corrected && move_to(state_.u + step_, derivatives_at_trial_)) {
-        Eigen::VectorXd e = rows_.errors(trial_values_);
-        change = (e - e_).dot(e + e_);
+    if (corrected && !inside(step_, 1.0)) return Verdict::stop;
+    if (corrected && move_by(step_, 1.0, derivatives_at_trial_)) {
+        change = (trial_e_ - e_).dot(trial_e_ + e_);
         const double gain = gain_ = -change / predicted;
-        if (gain > least_plain_gain && (derivatives_at_trial_ || move_to(trial_.u, true))) {
+        if (gain > least_plain_gain && (derivatives_at_trial_ || move_by(step_, 1.0, true))) {
             record(square_, true, change, StepRejection::none);
-            adopt(std::move(trial_values_), std::move(e));
+            adopt();
             damping_ *= std::max(gain > good_gain ? fast_fall : slow_fall, 1.0 - std::pow(2.0 * gain - 1.0, 3));
             raise_ = 2.0;
             derivatives_at_trial_ = true;
@@ -234,20 +252,19 @@ LeastSquares::Verdict LeastSquares::polish() {
     Eigen::VectorXd full = -triangle_.col(q).head(q);
     const double slope = -full.squaredNorm();
     models::solve_upper_in_place(triangle_.topLeftCorner(q, q), full);
-    const Eigen::VectorXd u = state_.u + stretch_ * full;
-    if (!full.allFinite() || !inside(problem_, u)) return Verdict::stop;
+    if (!full.allFinite() || !inside(full, stretch_)) return Verdict::stop;
     ++ledger_.trials;
-    if (!move_to(u, true)) return Verdict::stop;
+    if (!move_by(full, stretch_, true)) return Verdict::stop;
     const double before = remaining_;
     const double square = square_;
     const State from_state = state_;
     Evaluation from = std::move(now_);
     Eigen::VectorXd from_e = e_;
-    Eigen::VectorXd e = rows_.errors(trial_values_);
-    const double change = (e - e_).dot(e + e_);
-    adopt(std::move(trial_values_), std::move(e));
+    const double change = (trial_e_ - e_).dot(trial_e_ + e_);
+    adopt();
     factorise();
     damping_ = 0.0;
+    exhausted_ = !(remaining_ < least_contraction * before);
     if (!(remaining_ < before)) {
         now_ = std::move(from);
         e_ = std::move(from_e);
@@ -259,7 +276,7 @@ LeastSquares::Verdict LeastSquares::polish() {
     const double left =
         triangle_.col(q).head(q).dot(triangle_.topLeftCorner(q, q).triangularView<Eigen::Upper>() * full);
     stretch_ = left > slope ? stretch_of_next(stretch_ * slope / (slope - left)) : 1.0;
-    return remaining_ < least_contraction * before ? Verdict::accepted : Verdict::stop;
+    return exhausted_ ? Verdict::stop : Verdict::accepted;
 }
 
 /// (M10) with independent columns: a start from which the general search has nothing left to do.
@@ -272,16 +289,16 @@ void LeastSquares::start_scale() {
     state_.errors_known = true;
 }
 
-Evaluation LeastSquares::run() {
+PlainSolution LeastSquares::run() {
     trial_.u = state_.u;
     trial_.theta = natural_parameters(problem_, state_.u);
     // Without a first evaluation there is nothing: models::Stopped goes on.
     trial_values_ = evaluate(problem_.residuals, set_, problem_.laws, trial_.theta, state_.latents, true);
     ++ledger_.evaluations;
-    if (!trial_values_.failed.empty()) return std::move(trial_values_);
-    Eigen::VectorXd e = rows_.errors(trial_values_);
-    if (!std::isfinite(e.squaredNorm())) return std::move(trial_values_);
-    adopt(std::move(trial_values_), std::move(e));
+    if (!trial_values_.failed.empty()) return {std::move(trial_values_)};
+    rows_.set_errors(trial_values_, trial_e_);
+    if (!std::isfinite(trial_e_.squaredNorm())) return {std::move(trial_values_)};
+    adopt();
     factorise();
     tell_step({.iteration = ledger_.iterations, .round = ledger_.round, .objective = objective(square_)}, problem_,
               state_.theta);
@@ -291,7 +308,7 @@ Evaluation LeastSquares::run() {
         if ((remaining_ < rounding_sds ? polish() : try_step()) == Verdict::stop) break;
     }
     start_scale();
-    return std::move(now_);
+    return {std::move(now_), exhausted_};
 }
 
 }  // namespace
@@ -310,8 +327,8 @@ bool is_plain_least_squares(const Problem& problem, const BlockSet& set) {
            });
 }
 
-Evaluation solve_plain_least_squares(const Problem& problem, const BlockSet& set, State& state,
-                                     SolverStatistics& ledger) {
+PlainSolution solve_plain_least_squares(const Problem& problem, const BlockSet& set, State& state,
+                                        SolverStatistics& ledger) {
     return LeastSquares(problem, set, state, ledger).run();
 }
 

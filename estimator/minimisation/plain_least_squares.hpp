@@ -10,6 +10,11 @@ namespace orbid::estimator {
 /// allowed). The minimum over the parameters is then the same for every error scale, and can be found before the scale.
 [[nodiscard]] bool is_plain_least_squares(const Problem& problem, const BlockSet& set);
 
+struct PlainSolution {
+    Evaluation evaluation;   ///< at the state, with derivatives; blocks that fail at the start are named in it
+    bool exhausted = false;  ///< full steps no longer shorten what is left: they gain no digits
+};
+
 /// Moves the state to a minimum of the sum of squares by Levenberg-Marquardt steps with geodesic acceleration. Ends
 /// with plain Gauss-Newton steps as long as they gain digits.
 ///
@@ -19,8 +24,7 @@ namespace orbid::estimator {
 /// (Nielsen, IMM-REP-1999-05), the second-order correction along the geodesic (Transtrum and Sethna, arXiv:1201.5885).
 /// Measured when it was introduced, over the 54 NIST and 57 More-Garbow-Hillstrom runs without / with the correction:
 /// 52 and 43 / 54 and 47 successes with 24000 / 13000 derivatives.
-/// @return the values at the state, with derivatives; blocks that fail at the start are named in it.
-[[nodiscard]] Evaluation solve_plain_least_squares(const Problem& problem, const BlockSet& set, State& state,
-                                                   SolverStatistics& ledger);
+[[nodiscard]] PlainSolution solve_plain_least_squares(const Problem& problem, const BlockSet& set, State& state,
+                                                      SolverStatistics& ledger);
 
 }  // namespace orbid::estimator

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <boost/container/small_vector.hpp>
 #include <oneapi/tbb/parallel_for.h>
 
 #include "estimator/algebra/r_factor.hpp"
@@ -31,8 +32,8 @@ StackedRows::StackedRows(const BlockSet& set) : set_(set) {
     }
 }
 
-Eigen::VectorXd StackedRows::errors(const Evaluation& evaluation) const {
-    Eigen::VectorXd e(records_);
+void StackedRows::set_errors(const Evaluation& evaluation, Eigen::VectorXd& e) const {
+    e.resize(records_);
     Eigen::Index place = 0;
     for (std::size_t b = 0; b < set_.blocks.size(); ++b) {
         const Eigen::VectorXd& deviation = set_.blocks[b].deviation;
@@ -43,7 +44,6 @@ Eigen::VectorXd StackedRows::errors(const Evaluation& evaluation) const {
             e.segment(place, own.size()) = own;
         place += own.size();
     }
-    return e;
 }
 
 /// Calls use(columns): the columns of the piece's rows.
@@ -53,7 +53,7 @@ void StackedRows::with_columns(const Evaluation& at, const Piece& piece, Use use
     const Eigen::VectorXd& deviation = set_.blocks[piece.block].deviation;
     Eigen::MatrixXd divided;
     if (deviation.size() > 0) divided = deviation.segment(piece.first, piece.count).cwiseInverse().asDiagonal() * rows;
-    std::vector<const double*> columns;
+    boost::container::small_vector<const double*, 16> columns;
     for (Eigen::Index j = 0; j < rows.cols(); ++j)
         columns.push_back(deviation.size() > 0 ? divided.col(j).data() : rows.col(j).data());
     use(columns);
@@ -64,7 +64,7 @@ Eigen::MatrixXd StackedRows::products(const Evaluation& at, const Eigen::VectorX
     const Eigen::Index q = at.values.front().e_theta.cols();
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(q + 1, q + 1);
     const auto add = [&](const Piece& piece, Eigen::MatrixXd& sum) {
-        with_columns(at, piece, [&](std::vector<const double*>& columns) {
+        with_columns(at, piece, [&](auto& columns) {
             columns.push_back(e.data() + piece.place);
             models::add_column_products(columns.data(), columns.size(), static_cast<std::size_t>(piece.count),
                                         sum.data());
@@ -108,7 +108,7 @@ bool StackedRows::by_products(const Evaluation& at, const Eigen::VectorXd& slope
 Eigen::VectorXd StackedRows::gathered(const Evaluation& at, const Eigen::VectorXd& along) const {
     Eigen::VectorXd result = Eigen::VectorXd::Zero(at.values.front().e_theta.cols());
     for (const Piece& piece : pieces_)
-        with_columns(at, piece, [&](const std::vector<const double*>& columns) {
+        with_columns(at, piece, [&](const auto& columns) {
             models::add_products_with(along.data() + piece.place, columns.data(), columns.size(),
                                       static_cast<std::size_t>(piece.count), result.data());
         });
@@ -122,7 +122,7 @@ Eigen::MatrixXd StackedRows::triangle(const Evaluation& at, const Eigen::VectorX
     const Eigen::Index q = slope.size();
     Eigen::MatrixXd rows(records_, q + 1);
     for (const Piece& piece : pieces_)
-        with_columns(at, piece, [&](const std::vector<const double*>& columns) {
+        with_columns(at, piece, [&](const auto& columns) {
             for (Eigen::Index j = 0; j < q; ++j)
                 rows.col(j).segment(piece.place, piece.count) =
                     slope[j] * Eigen::VectorXd::Map(columns[static_cast<std::size_t>(j)], piece.count);

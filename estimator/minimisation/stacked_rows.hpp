@@ -15,7 +15,8 @@ public:
     explicit StackedRows(const BlockSet& set);
 
     [[nodiscard]] Eigen::Index records() const { return records_; }
-    [[nodiscard]] Eigen::VectorXd errors(const Evaluation& evaluation) const;
+    /// e becomes the errors, shape (records).
+    void set_errors(const Evaluation& evaluation, Eigen::VectorXd& e) const;
     /// (de / dtheta)^T times one number per record, shape (parameters).
     [[nodiscard]] Eigen::VectorXd gathered(const Evaluation& at, const Eigen::VectorXd& along) const;
     /// R factor of [de / du | e], shape (parameters + 1, parameters + 1). @param slope  d theta / d u.

@@ -7,10 +7,8 @@ namespace orbid::estimator {
 
 namespace {
 
-/// After the convergence test is met, steps go on while they gain digits: to this share of the tolerance, and at most
-/// this many.
+/// After the convergence test is met, steps go on while they gain digits: to this share of the tolerance.
 constexpr double polished_share = 1e-4;
-constexpr int polishing_steps = 12;
 
 /// This many small steps without halving what is left gain nothing any more.
 constexpr int stagnant_steps = 12;

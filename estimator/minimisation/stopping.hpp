@@ -41,6 +41,8 @@ public:
     /// Counts a trial. @return blocks that stopped too many steps; the minimisation then ends
     [[nodiscard]] std::vector<std::size_t> rejected();
     [[nodiscard]] std::vector<std::size_t> accepted();
+    /// Once the convergence test is met, further steps gain nothing.
+    void expect_no_digits() { polishing_ = polishing_steps; }
     /// Where a minimisation goes along kinks, fewer rejections show the next one. @return whether that changed
     bool expect_kinks(bool expected) {
         const int before = std::exchange(enough_rejections_, expected ? few_rejections : many_rejections);
@@ -54,6 +56,8 @@ public:
 private:
     /// Trials in a row that fail before a step is given up.
     static constexpr int many_rejections = 30, few_rejections = 10;
+    /// After the convergence test is met, steps go on while they gain digits, at most this many.
+    static constexpr int polishing_steps = 12;
 
     void note_remaining(double remaining);
     [[nodiscard]] Decision next_stage();

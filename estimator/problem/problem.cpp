@@ -160,13 +160,18 @@ const Group& group_of(const Problem& problem, int channel) {
     return problem.residuals[place.residual]->groups()[static_cast<std::size_t>(place.group)];
 }
 
-Eigen::VectorXd natural_parameters(const Problem& problem, const Eigen::VectorXd& u) {
-    Eigen::VectorXd theta(u.size());
+void set_natural_parameters(const Problem& problem, const Eigen::VectorXd& u, Eigen::VectorXd& theta) {
+    theta.resize(u.size());
     for (Eigen::Index i = 0; i < u.size(); ++i) {
         const auto index = static_cast<std::size_t>(i);
         theta[i] = std::clamp(problem.coordinates[index].natural(u[i]), problem.parameters[index].lower,
                               problem.parameters[index].upper);
     }
+}
+
+Eigen::VectorXd natural_parameters(const Problem& problem, const Eigen::VectorXd& u) {
+    Eigen::VectorXd theta;
+    set_natural_parameters(problem, u, theta);
     return theta;
 }
 

@@ -61,6 +61,7 @@ struct State {
 
 /// Parameters in natural units, kept within bounds that coordinates and back may leave by rounding.
 [[nodiscard]] Eigen::VectorXd natural_parameters(const Problem& problem, const Eigen::VectorXd& u);
+void set_natural_parameters(const Problem& problem, const Eigen::VectorXd& u, Eigen::VectorXd& theta);
 
 /// The parameter prior at u to second order.
 [[nodiscard]] PriorModel prior_at(const Problem& problem, const Eigen::VectorXd& u);

@@ -87,6 +87,14 @@ void Posterior::error_parameters() {
         free_errors_.clear();
     }
     if (free_errors_.empty()) return;
+    if (one_scale_) {
+        // Only the restricted scale is the root of the sum of squares over the degrees of freedom; the others also
+        // divide by those of the parameters. The interval is still that of the t statistic.
+        const double taken = problem_.options.variance == Variance::restricted
+                                 ? 0.0
+                                 : static_cast<double>(minimum_.step.space.data.cols());
+        t_quantile_ = quantile_975(degrees_of_freedom_) * std::sqrt(1.0 + taken / degrees_of_freedom_);
+    }
     ErrorProblem profiled = errors_;
     profiled.follow = Follow::all;
     Eigen::MatrixXd hessian = error_hessian(profiled, point_, state_.psi, free_errors_);
@@ -303,12 +311,7 @@ Uncertainty Posterior::along(const Eigen::VectorXd& direction) const {
         result.quantile = quantile_975(std::numeric_limits<double>::infinity());
     } else if (one_scale_) {
         result.method = IntervalMethod::t;
-        // Only the restricted scale is the root of the sum of squares over the degrees of freedom; the others also
-        // divide by those of the parameters. The interval is still that of the t statistic.
-        const double taken = problem_.options.variance == Variance::restricted
-                                 ? 0.0
-                                 : static_cast<double>(minimum_.step.space.data.cols());
-        result.quantile = quantile_975(degrees_of_freedom_) * std::sqrt(1.0 + taken / degrees_of_freedom_);
+        result.quantile = t_quantile_;
     } else {
         // Satterthwaite: 2 variance^2 / var(variance).
         const Eigen::VectorXd slopes = variance_slopes(y);
