@@ -1,8 +1,25 @@
 #include "estimator/algebra/subspace.hpp"
 
+#include <cmath>
+
 #include "models/arithmetic/singular_values.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
+
+namespace {
+
+/// Whether no singular value of an upper triangle with unit columns is below a fraction of the largest. The least is at
+/// least 1 / ||R^-1||, the largest at most the norm of R, the root of its columns.
+bool far_from_singular(const Eigen::MatrixXd& r, double fraction) {
+    const Eigen::Index q = r.cols();
+    if (r.rows() != q || !r.isUpperTriangular(0.0) || !(r.diagonal().cwiseAbs().minCoeff() > 0.0)) return false;
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(q, q);
+    models::solve_upper_in_place(r, inverse);
+    return inverse.norm() * fraction * std::sqrt(static_cast<double>(q)) < 1.0;
+}
+
+}  // namespace
 
 Eigen::MatrixXd Subspace::decided() const {
     Eigen::MatrixXd basis(unit.size(), data.cols() + prior.cols());
@@ -23,18 +40,21 @@ Subspace split(const Eigen::MatrixXd& r, const Eigen::MatrixXd& prior, const Eig
     space.data.resize(q, 0);
     space.prior.resize(q, 0);
     space.flat.resize(q, 0);
-    space.left.resize(r.rows(), 0);
-    space.singular_values.resize(q);
+    space.rows.resize(r.rows(), 0);
     if (q == 0) return space;
     const Eigen::MatrixXd equilibrated = r * space.unit.cwiseInverse().asDiagonal();
+    if (far_from_singular(equilibrated, tolerance)) {
+        space.data.setIdentity(q, q);
+        space.rows = equilibrated;
+        return space;
+    }
     const models::SingularValues svd =
         models::singular_value_decomposition(equilibrated, models::SingularVectors::full);
-    space.singular_values = svd.values;
     Eigen::Index rank = 0;
-    while (rank < q && space.singular_values[rank] > tolerance * space.singular_values[0])
+    while (rank < q && svd.values[rank] > tolerance * svd.values[0])
         ++rank;
     space.data = svd.v.leftCols(rank);
-    space.left = svd.u.leftCols(rank);
+    space.rows = svd.u.leftCols(rank) * svd.values.head(rank).asDiagonal();
     const Eigen::MatrixXd null = svd.v.rightCols(q - rank);
     if (null.cols() == 0) return space;
     if (prior.rows() == 0) {

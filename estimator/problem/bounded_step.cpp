@@ -34,18 +34,19 @@ Eigen::VectorXd free_minimum(const ReducedProblem& reduced_problem, const PriorM
     basis << space.data, space.prior;
     const Eigen::MatrixXd prior_rows = own * inverse_unit.asDiagonal() * basis;
     const Eigen::Index rows = own.rows();
-    Eigen::MatrixXd stacked = Eigen::MatrixXd::Zero(data + rows + count + space.prior.cols(), rank + 1);
-    stacked.topLeftCorner(data, data) = space.singular_values.head(data).asDiagonal();
-    stacked.topRightCorner(data, 1) = space.left.transpose() * rhs;
-    stacked.block(data, 0, rows, rank) = prior_rows;
+    const Eigen::Index seen = space.rows.rows();
+    Eigen::MatrixXd stacked = Eigen::MatrixXd::Zero(seen + rows + count + space.prior.cols(), rank + 1);
+    stacked.topLeftCorner(seen, data) = space.rows;
+    stacked.topRightCorner(seen, 1) = rhs;
+    stacked.block(seen, 0, rows, rank) = prior_rows;
     // What the prior pulls at, held parameters included.
-    stacked.block(data, rank, rows, 1) = prior.rows * rest;
+    stacked.block(seen, rank, rows, 1) = prior.rows * rest;
     if (mu > 0.0) {
         const double root = std::sqrt(mu);
         const Eigen::VectorXd own_damping = damping(step.free);
-        stacked.block(data + rows, 0, count, data) =
+        stacked.block(seen + rows, 0, count, data) =
             (root * own_damping.cwiseProduct(inverse_unit)).asDiagonal() * space.data;
-        stacked.block(data + rows + count, data, space.prior.cols(), space.prior.cols()).diagonal() =
+        stacked.block(seen + rows + count, data, space.prior.cols(), space.prior.cols()).diagonal() =
             root * prior_rows.rightCols(space.prior.cols()).colwise().norm().transpose();
     }
     const Eigen::MatrixXd factor = upper_triangle(std::move(stacked));

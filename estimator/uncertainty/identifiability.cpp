@@ -9,8 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "estimator/algebra/r_factor.hpp"
 #include "models/arithmetic/orthogonal_factor.hpp"
 #include "models/arithmetic/singular_values.hpp"
+#include "models/arithmetic/triangular_solve.hpp"
 
 namespace orbid::estimator {
 
@@ -186,16 +188,16 @@ Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& ste
         for (Eigen::Index i = 0; i < q; ++i)
             if (direction.components[i] != 0.0) result.undetermined[static_cast<std::size_t>(i)] = true;
 
+    const Eigen::Index rank = space.data.cols();
+    Eigen::MatrixXd spread = space.data.transpose();
+    if (rank > 0) models::solve_transposed_upper_in_place(upper_triangle(space.rows).topRows(rank), spread);
     for (Eigen::Index k = 0; k < free; ++k) {
         const Eigen::Index i = step.free[static_cast<std::size_t>(k)];
         bool in_null = false;
         for (const NullDirection& direction : result.null_directions)
             in_null = in_null || direction.components[i] != 0.0;
         if (in_null) continue;
-        const Eigen::Index rank = space.data.cols();
-        result.data_variance[i] =
-            space.data.row(k).transpose().cwiseQuotient(space.singular_values.head(rank)).squaredNorm() /
-            (space.unit[k] * space.unit[k]);
+        result.data_variance[i] = spread.col(k).squaredNorm() / (space.unit[k] * space.unit[k]);
     }
 
     // The sum of the variances of all directions: below the square of sloppy_sd none of them is sloppy.
