@@ -162,8 +162,10 @@ Eigen::Index eliminate(Eigen::Ref<Eigen::MatrixXd> a, Eigen::Index top, Eigen::I
         Eigen::Index best = rank;
         for (Eigen::Index i = rank; i < left;) {
             const double* column = begin + (first + order[i]) * stride + row;
-            const double norm = std::sqrt(dot(column, column, rest));
-            if (norm <= limit[order[i]]) {  // false for nan, which must stay visible
+            const double square = dot(column, column, rest);
+            const double norm = std::sqrt(square);
+            // Also where squares leave the range of a double. False for nan, which must stay visible.
+            if (norm <= limit[order[i]] || square < std::numeric_limits<double>::min()) {
                 std::rotate(order + i, order + i + 1, order + left);
                 --left;
                 continue;

@@ -45,7 +45,8 @@ void add_diagonal(Eigen::MatrixXd& triangle, const Eigen::VectorXd& diagonal);
 ///
 /// The pivot column is the one with the largest remaining norm, the pivot row the one with the largest entry in it
 /// (Powell and Reid 1969). Light rows are thus not lost beside rows that weigh 1e10 times as much or more. A column
-/// whose remaining norm is not above limit[j] is set to zero in the remaining rows and is no pivot.
+/// whose remaining norm is not above limit[j], or so small that its square leaves the range of a double, is set to zero
+/// in the remaining rows and is no pivot.
 /// @param limit  shape (count).
 /// @param order  shape (count), written: order[k] = the column (counted from `first`) that became the k-th pivot; the
 ///               columns order[rank], order[rank + 1] ... are undetermined.

@@ -1,6 +1,7 @@
 #include "estimator/algebra/r_factor.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -73,6 +74,22 @@ TEST_CASE("an R factor of few rows: exact values, zero columns and light rows", 
     Eigen::MatrixXd broken = random_rows(4, 2);
     broken(2, 0) = std::numeric_limits<double>::quiet_NaN();
     CHECK(!upper_triangle(broken).allFinite());
+}
+
+TEST_CASE("columns whose squares are below the range of a double do no harm", "[estimator][algebra]") {
+    // Chains that contract leave such columns between nodes that lie far from each other.
+    for (const double size : {1e-150, 1e-155, 1e-160, 1e-165, 1e-200, 1e-310}) {
+        CAPTURE(size);
+        Eigen::MatrixXd a = random_rows(4, 3);
+        a.leftCols(2) *= size;
+        CHECK(upper_triangle(a).allFinite());
+        const Eigen::VectorXd before = a.col(2);
+        const std::array<double, 2> limit{0.0, 0.0};
+        std::array<Eigen::Index, 2> order{};
+        eliminate(a, 0, 0, limit.data(), 2, order.data());
+        CHECK(a.allFinite());
+        CHECK_THAT(a.col(2).norm(), WithinAbs(before.norm(), 1e-14));
+    }
 }
 
 }  // namespace r_factor_test
