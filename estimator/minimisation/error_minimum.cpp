@@ -81,7 +81,7 @@ private:
     const Eigen::VectorXd& ceiling_;
     const ErrorSearch& search_;
     ErrorMinimum minimum_;
-    ErrorPoint point_;  ///< at minimum_.psi, unless the last step was taken without a trial
+    ErrorPoint point_;                ///< at minimum_.psi, unless the last step was taken without a trial
     std::vector<Eigen::Index> free_;  ///< not held at a limit
     ErrorCurvature unknown_;
     ErrorCurvature& curvature_;

@@ -96,8 +96,8 @@ struct ErrorMinimum {
     int steps = 0;
     /// largest |gradient| of a free parameter over the root of its curvature: distance to the minimum in sds
     double distance = 0.0;
-    std::vector<bool> at_floor;             ///< held at its lower limit; for a scale: residuals at rounding level
-    std::vector<bool> at_ceiling;           ///< held at its upper limit
+    std::vector<bool> at_floor;    ///< held at its lower limit; for a scale: residuals at rounding level
+    std::vector<bool> at_ceiling;  ///< held at its upper limit
     /// Where Phi_psi was last evaluated: psi, or where the last step began if it was taken without a trial.
     Eigen::VectorXd evaluated;
     std::optional<WhitenedArrow> standard;  ///< factorised there; none: it was given up

@@ -78,9 +78,9 @@ Eigen::VectorXd ErrorUpdates::searched(Follow follow, double length, const State
     const ErrorLimits limit = error_limits(problem_, set_, state, minimum.rows, latent_fit_);
     rounding_ = limit.rounding;
     // Scales of long data need not be better than the parameters, which have this far to go; while that is far the next
-    // step repeats the search. Short data are searched to the end, unless the estimate is itself a rough one. That costs
-    // little, and the likelihood of two scales may have another minimum nearby, where one of them is zero. Errors that
-    // are not normal take all records, also without latent states.
+    // step repeats the search. Short data are searched to the end, unless the estimate is itself a rough one. That
+    // costs little, and the likelihood of two scales may have another minimum nearby, where one of them is zero. Errors
+    // that are not normal take all records, also without latent states.
     ErrorSearch search;
     if (is_long(set_) || set_.records >= many_records || problem_.options.step_tolerance >= rough_estimate) {
         search.tolerance = std::clamp(1e-3 * length, 1e-12, 1e-2);

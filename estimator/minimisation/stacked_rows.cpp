@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <boost/container/small_vector.hpp>
 #include <oneapi/tbb/parallel_for.h>
+#include <boost/container/small_vector.hpp>
 
 #include "estimator/algebra/r_factor.hpp"
 #include "models/arithmetic/column_products.hpp"

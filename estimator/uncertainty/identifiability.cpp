@@ -202,7 +202,8 @@ Identifiability identifiability(const Eigen::MatrixXd& r, const BoundedStep& ste
 
     // The sum of the variances of all directions: below the square of sloppy_sd none of them is sloppy.
     const Eigen::VectorXd own_variance = result.data_variance(step.free);
-    if (null.cols() == 0 && own_variance.cwiseQuotient(free_size.cwiseAbs2()).sum() < sloppy_sd * sloppy_sd) return result;
+    if (null.cols() == 0 && own_variance.cwiseQuotient(free_size.cwiseAbs2()).sum() < sloppy_sd * sloppy_sd)
+        return result;
     const Eigen::MatrixXd sensitivities = own * free_size.asDiagonal();
     const Eigen::MatrixXd unseen = null.array().colwise() / unit;
     result.sloppy_directions = sloppy_directions(RelativeData(sensitivities, unseen), step.free, q);

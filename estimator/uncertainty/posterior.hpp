@@ -91,7 +91,7 @@ private:
     Eigen::MatrixXd moved_by_errors_;  ///< d y / d psi over free_errors_ where it counts, see add_error_uncertainty
     bool one_scale_ = false;           ///< every record has the same, estimated normal scale
     double degrees_of_freedom_ = 0.0;
-    double t_quantile_ = 0.0;  ///< where every record has one scale: half an interval over its sd
+    double t_quantile_ = 0.0;                        ///< where every record has one scale: half an interval over its sd
     std::vector<Autocorrelation> autocorrelations_;  ///< per channel
     std::vector<Autocorrelation> unexplained_;       ///< per channel: of innovations where errors are autoregressive
     std::unique_ptr<Sandwich> sandwich_;             ///< over blocks, where asked for
