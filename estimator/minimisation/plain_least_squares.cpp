@@ -227,7 +227,8 @@ LeastSquares::Verdict LeastSquares::try_step() {
         if (gain > least_plain_gain && (derivatives_at_trial_ || move_by(step_, 1.0, true))) {
             record(square_, true, change, StepRejection::none);
             adopt();
-            damping_ *= std::max(gain > good_gain ? fast_fall : slow_fall, 1.0 - std::pow(2.0 * gain - 1.0, 3));
+            const double above = 2.0 * gain - 1.0;
+            damping_ *= std::max(gain > good_gain ? fast_fall : slow_fall, 1.0 - above * above * above);
             raise_ = 2.0;
             derivatives_at_trial_ = true;
             factorise();

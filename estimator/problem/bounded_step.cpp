@@ -35,7 +35,8 @@ Eigen::VectorXd free_minimum(const ReducedProblem& reduced_problem, const PriorM
     const Eigen::MatrixXd prior_rows = own * inverse_unit.asDiagonal() * basis;
     const Eigen::Index rows = own.rows();
     const Eigen::Index seen = space.rows.rows();
-    Eigen::MatrixXd stacked = Eigen::MatrixXd::Zero(seen + rows + count + space.prior.cols(), rank + 1);
+    const Eigen::Index damped = mu > 0.0 ? count + space.prior.cols() : 0;
+    Eigen::MatrixXd stacked = Eigen::MatrixXd::Zero(seen + rows + damped, rank + 1);
     stacked.topLeftCorner(seen, data) = space.rows;
     stacked.topRightCorner(seen, 1) = rhs;
     stacked.block(seen, 0, rows, rank) = prior_rows;
