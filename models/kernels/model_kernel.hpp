@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "models/definition/model_check.hpp"
+#include "models/ensembles/extrapolated_flow.hpp"
 #include "models/ensembles/flow_batch.hpp"
 #include "models/ensembles/map_ensemble.hpp"
 #include "models/ensembles/section_ensemble.hpp"
@@ -97,6 +98,10 @@ public:
                 end = flow_pass<M, N, 2>(start, durations, free, first, output, direction, model_);
             });
             return end;
+        }
+        if constexpr (ExtrapolatedModel<M>) {
+            if (kept_by_extrapolation(start.options) && extrapolated_flow(start, durations, free, output, end, model_))
+                return end;
         }
         in_passes<M>(free.size(), [&]<std::size_t N>(std::size_t first) {
             end = flow_pass<M, N>(start, durations, free, first, output, 0, model_);
