@@ -23,6 +23,8 @@ constexpr std::size_t most_at_fault = 10, blocks_for_one_at_fault = 5000;
 constexpr double kept_share = 0.25;
 /// Beyond this a deviation is not by the block's own states; nor is it where they are not read, or in no chain.
 constexpr double most_excess = 1000.0;
+/// So much that a state stays.
+constexpr double held_excess = 1e15;
 /// Changes of the objective below this may be rounding.
 constexpr double least_change = 1e-6;
 
@@ -31,6 +33,15 @@ constexpr double least_change = 1e-6;
 bool ExcessCurvature::possible() const {
     return set_.blocks.size() >= fewest_blocks && set_.latents > 0 && set_.constraints == 0 && !set_.provisional &&
            set_.spread.alone();
+}
+
+void ExcessCurvature::hold(const std::vector<std::size_t>& blocks) {
+    for (const std::size_t b : blocks)
+        excess_[b] = held_excess;
+}
+
+std::size_t ExcessCurvature::release() {
+    return std::erase_if(excess_, [](const auto& block) { return block.second == held_excess; });
 }
 
 void ExcessCurvature::expect(const BlockArrow& arrow, const TrialStep& step) {
@@ -57,7 +68,7 @@ void ExcessCurvature::compare(const Eigen::VectorXd& psi, const BlockErrors& fro
     const std::vector<double> actual = value_changes(set_, problem_.laws, psi, from, BlockErrors(to));
     const auto secant = [&](std::size_t b) { return 2.0 * (actual[b] - told_[b]) / square_[b]; };
     for (auto& [b, excess] : excess_)
-        if (0.5 * std::max(excess, 1.0) * square_[b] > least_change)
+        if (excess < held_excess && 0.5 * std::max(excess, 1.0) * square_[b] > least_change)
             excess = std::clamp(std::max(secant(b), kept_share * excess), 0.0, most_excess);
     if (gain > least_usual_gain) return;
     double all = 0.0;

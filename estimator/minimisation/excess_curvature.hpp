@@ -23,6 +23,10 @@ public:
 
     /// By blocks of the set, see BlockRows::excess.
     [[nodiscard]] const std::map<std::size_t, double>& of_blocks() const { return excess_; }
+    /// The latent states of these blocks stay where they are in all steps to come.
+    void hold(const std::vector<std::size_t>& blocks);
+    /// They move again. @return how many were held
+    std::size_t release();
     /// Keeps what the model tells of each block, if the trial of this step will be compared with it.
     void expect(const BlockArrow& arrow, const TrialStep& step);
     /// Learns from a trial that could be evaluated.

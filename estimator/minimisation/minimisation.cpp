@@ -43,13 +43,17 @@ Minimum Minimisation::run(const std::function<void()>& begun) {
               problem_, state_.theta);
     radius_ = initial_radius();
     while (true) {
-        const Decision decision = stopping_.decide(standing());
+        const Standing at = standing();
+        const Decision decision = stopping_.decide(at);
         if (decision.next == stage) {
             tighten();
         } else if (decision.next == end) {
             if (settle_errors()) continue;
-            conclude(decision.outcome, decision.message);
+            if (decision.outcome == Outcome::converged && release_held()) continue;
+            conclude(decision.outcome, decision.message + held_message_);
             if (decision.outcome != Outcome::no_progress || !passes_kink()) break;
+        } else if (stopping_.held_up(at) && hold_few()) {
+            continue;
         } else if (!go_on()) {
             break;
         }

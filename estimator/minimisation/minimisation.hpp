@@ -77,6 +77,9 @@ private:
     [[nodiscard]] bool decreases(Trial& trial);
     void adopt(const TrialStep& step, Trial trial, double misfit);
     bool end_at(std::vector<std::size_t> stopped);
+    [[nodiscard]] std::vector<std::size_t> few_that_move();
+    bool hold_few();
+    bool release_held();
     /// What is found where no step decreases the objective: no kink, one that a step leads away from, or the minimum.
     enum class Kink { none, left, minimum };
     [[nodiscard]] Eigen::Index unknowns() const;
@@ -116,7 +119,9 @@ private:
     double stretch_ = 1.0;  ///< length of the best step over the full Gauss-Newton step, from the last full step
     double radius_ = 0.0;
     bool derivatives_at_trial_ = true;
-    int kinks_ = 0;  ///< examined
+    int kinks_ = 0;          ///< examined
+    bool released_ = false;  ///< blocks that were held move again
+    std::string held_message_;
 };
 
 }  // namespace orbid::estimator

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <utility>
 
@@ -21,10 +23,32 @@ constexpr Eigen::Index most_pieces = 12;
 constexpr int most_kinks = 50;
 /// The Hessian is formed as a whole: parameters and latent states together.
 constexpr Eigen::Index most_unknowns = 64;
+/// Blocks hold up all others where they have nearly all of what is left, and are few among all. As many are held as
+/// have all of it but this little.
+constexpr double nearly_all = 0.9, little = 1e-3, few = 0.01;
+/// Runs of them may have gaps.
+constexpr std::size_t longest_gap = 4;
 
 TrialStep scaled(TrialStep step, double factor) {
     stretch(step, factor);
     return step;
+}
+
+/// Blocks in order and as many before and after each run of them: where one course lies at a kink, it does so for long.
+std::vector<std::size_t> with_neighbours(const std::vector<std::size_t>& blocks, std::size_t all) {
+    std::vector<std::size_t> result;
+    for (std::size_t i = 0; i < blocks.size();) {
+        std::size_t last = i;
+        while (last + 1 < blocks.size() && blocks[last + 1] <= blocks[last] + longest_gap)
+            ++last;
+        const std::size_t length = blocks[last] + 1 - blocks[i];
+        const std::size_t first = blocks[i] - std::min(blocks[i], length);
+        const std::size_t end = std::min(blocks[last] + 1 + length, all);
+        for (std::size_t b = result.empty() ? first : std::max(first, result.back() + 1); b < end; ++b)
+            result.push_back(b);
+        i = last + 1;
+    }
+    return result;
 }
 
 }  // namespace
@@ -169,6 +193,61 @@ bool Minimisation::passes_kink() {
         return after_step();
     }
     return found == Kink::none && stopping_.expect_kinks(false);
+}
+
+/// The blocks where nearly all of the full step's square is left, with their neighbours, if they are few.
+std::vector<std::size_t> Minimisation::few_that_move() {
+    const TrialStep& full = full_step();
+    std::vector<Eigen::VectorXd> back = full.latents;
+    for (Eigen::VectorXd& z : back)
+        z = -z;
+    // What is linear in the step cancels.
+    std::vector<double> square = model_changes(standard_.arrow, full.parameters.d, full.latents);
+    const std::vector<double> backwards = model_changes(standard_.arrow, -full.parameters.d, back);
+    for (std::size_t b = 0; b < square.size(); ++b)
+        square[b] += backwards[b];
+    std::vector<std::size_t> order(square.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return square[a] > square[b]; });
+    const double all = std::accumulate(square.begin(), square.end(), 0.0);
+    const auto most = static_cast<std::size_t>(few * static_cast<double>(order.size()));
+    double found = 0.0;
+    std::size_t count = 0;
+    while (count < most && found < (1.0 - little) * all)
+        found += square[order[count++]];
+    if (found < nearly_all * all) return {};
+    order.resize(count);
+    std::sort(order.begin(), order.end());
+    return with_neighbours(order, square.size());
+}
+
+/// Where a few blocks hold up all others, their latent states stay until the rest has converged. @return whether some
+/// do
+bool Minimisation::hold_few() {
+    if (released_ || !set_.spread.alone()) return false;
+    const std::vector<std::size_t> blocks = few_that_move();
+    if (blocks.empty()) return false;
+    excess_.hold(blocks);
+    factorise_steps();
+    radius_ = std::max(radius_, initial_radius());
+    stopping_.begin_again();
+    return true;
+}
+
+/// Where the rest has converged: whether the full step of all would still move the parameters. Then all blocks move
+/// again, to the end.
+bool Minimisation::release_held() {
+    const std::size_t held = excess_.release();
+    if (held == 0) return false;
+    factorise_errors();
+    factorise_steps();
+    released_ = !(model_length_ < converged_sds);
+    stopping_.begin_again();
+    if (!released_)
+        held_message_ = "; the latent states of " + std::to_string(held) + " of " + std::to_string(set_.blocks.size()) +
+                        " blocks do not settle and were held: their steps would move the parameters by " +
+                        two_figures(model_length_) + " posterior sds";
+    return released_;
 }
 
 }  // namespace orbid::estimator

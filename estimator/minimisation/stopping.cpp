@@ -67,6 +67,10 @@ Decision Stopping::decide(const Standing& standing) {
     note_remaining(standing.remaining);
     const bool met = standing.remaining < options.step_tolerance;
     const std::string left = two_figures(standing.remaining) + " posterior sds";
+    const auto next_stage = [this] {
+        begin_again();
+        return Decision{stage, {}, {}};
+    };
     if (met && standing.stages_left) return next_stage();
     if (met && gains_no_digits(standing.remaining))
         return {end, Outcome::converged,
@@ -97,10 +101,14 @@ Decision Stopping::decide(const Standing& standing) {
     return {step, {}, {}};
 }
 
-Decision Stopping::next_stage() {
+bool Stopping::held_up(const Standing& standing) const {
+    return set_.latents > 0 && !set_.provisional && !standing.stages_left && stagnant_ >= stagnant_steps &&
+           standing.remaining >= converged_sds && !within_rounding(standing);
+}
+
+void Stopping::begin_again() {
     rejected_ = stagnant_ = 0;
     least_ = infinity;
-    return {Decision::Next::stage, {}, {}};
 }
 
 /// Where these are half of a residual's blocks none stands out.

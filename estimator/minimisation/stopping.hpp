@@ -35,12 +35,16 @@ public:
         : problem_(problem), set_(set), ledger_(ledger), failures_(set.blocks.size(), 0), cut_(set.blocks.size()) {}
 
     [[nodiscard]] Decision decide(const Standing& standing);
+    /// Whether latent states may hold up all others: steps do not shorten what is left. After decide().
+    [[nodiscard]] bool held_up(const Standing& standing) const;
 
     /// This block failed at a trial of the present step.
     void note_failure(std::size_t block) { cut_[block] = true; }
     /// Counts a trial. @return blocks that stopped too many steps; the minimisation then ends
     [[nodiscard]] std::vector<std::size_t> rejected();
     [[nodiscard]] std::vector<std::size_t> accepted();
+    /// What has been tried does not count any more: the minimum has become another one.
+    void begin_again();
     /// Once the convergence test is met, further steps gain nothing.
     void expect_no_digits() { polishing_ = polishing_steps; }
     /// Where a minimisation goes along kinks, fewer rejections show the next one. @return whether that changed
@@ -60,7 +64,6 @@ private:
     static constexpr int polishing_steps = 12;
 
     void note_remaining(double remaining);
-    [[nodiscard]] Decision next_stage();
     [[nodiscard]] bool gains_no_digits(double remaining) const;
     [[nodiscard]] static bool within_rounding(const Standing& standing);
     [[nodiscard]] bool exhausted(const Standing& standing) const;

@@ -1,5 +1,6 @@
-// A linear chain of 300 states, one of which is also read by s (z^2 + c) with a residual that never vanishes: residual
-// times second derivative is four times the curvature that Gauss-Newton sees there.
+// A linear chain of 300 states, one of which is also read with a residual that never vanishes: by s (z^2 + c), where
+// residual times second derivative is four times the curvature that Gauss-Newton sees, or by s (|z| + 2), whose least
+// square lies at a kink.
 
 #include <cmath>
 
@@ -24,7 +25,8 @@ Eigen::VectorXd readings() {
 /// y_i = mu + z_i + e, z_{i+1} = phi z_i + w.
 class CurvedChain : public estimator::Residual {
 public:
-    CurvedChain() : y_(readings()), groups_{group("reading", 1.0), group("link", 1.0), group("square", 1.0)} {
+    explicit CurvedChain(bool kink = false)
+        : kink_(kink), y_(readings()), groups_{group("reading", 1.0), group("link", 1.0), group("square", 1.0)} {
         for (estimator::Group& each : groups_)
             each.scale.estimate = false;
         for (Eigen::Index i = 0; i < points; ++i) {
@@ -60,7 +62,10 @@ public:
             value.e_z.setZero(records, 1);
             value.e[0] = y_[static_cast<Eigen::Index>(b)] - theta[0] - own;
             value.e_theta(0, 0) = value.e_z(0, 0) = -1.0;
-            if (b == curved) {
+            if (b == curved && kink_) {
+                value.e[1] = -s * (std::abs(own) + 2.0);
+                value.e_z(1, 0) = own < 0.0 ? s : -s;
+            } else if (b == curved) {
                 value.e[1] = -s * (own * own + c);
                 value.e_z(1, 0) = -2.0 * s * own;
             }
@@ -74,6 +79,7 @@ public:
     }
 
 private:
+    bool kink_;
     Eigen::VectorXd y_;
     std::vector<estimator::Group> groups_;
     std::vector<estimator::BlockLayout> layout_;
@@ -96,6 +102,23 @@ double largest_slope(const estimator::Estimate& found) {
     return std::max(largest, std::abs(by_mu));
 }
 
+/// mu where the blocks [first, end) and the links at their ends are left out.
+double mu_without(Eigen::Index first, Eigen::Index end) {
+    const Eigen::VectorXd y = readings();
+    Eigen::MatrixXd a = Eigen::MatrixXd::Zero(2 * points, points + 1);
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(2 * points);
+    const auto left_out = [&](Eigen::Index i) { return i >= first && i < end; };
+    for (Eigen::Index i = 0; i < points; ++i) {
+        if (left_out(i)) continue;
+        a(i, i) = a(i, points) = 1.0;
+        b[i] = y[i];
+        if (i + 1 == points || left_out(i + 1)) continue;
+        a(points + i, i + 1) = 1.0;
+        a(points + i, i) = -phi;
+    }
+    return a.completeOrthogonalDecomposition().solve(b)[points];
+}
+
 }  // namespace
 
 TEST_CASE("a state with a large residual does not hold up its chain", "[estimator]") {
@@ -108,6 +131,17 @@ TEST_CASE("a state with a large residual does not hold up its chain", "[estimato
     CHECK(largest_slope(found) < 1e-7);
     // Measured 8 steps; with Gauss-Newton's curvature alone 119.
     CHECK(found.iterations < 15);
+}
+
+TEST_CASE("a state at a kink is taken out of its chain where it holds up all others", "[estimator]") {
+    CurvedChain chain(true);
+    const auto found = estimator::estimate({free_parameter("mu", 0.0)}, {&chain});
+    CAPTURE(found.message);
+    CHECK(found.status == estimator::EstimateStatus::converged);
+    // With its neighbours.
+    CHECK(found.counts[0].lost == 3);
+    CHECK_THAT(found.parameters[0].value, WithinAbs(mu_without(curved - 1, curved + 2), 1e-6));
+    CHECK(std::abs(mu_without(curved - 1, curved + 2) - mu_without(curved, curved + 1)) > 1e-5);
 }
 
 }  // namespace orbid::tests::excess_curvature_test
