@@ -24,12 +24,11 @@ namespace orbid::models {
 /// whose ends have errors in even powers of h, and Richardson's extrapolation of them to h = 0. Source: Hairer,
 /// Norsett, Wanner, Solving Ordinary Differential Equations I, II.9.
 ///
-/// With 2 as the smallest count, the steps are as long as those of order 14; with 8 twice as long. Beyond that the
-/// weights, of absolute sum 1007, let rounding appear at tolerances of 1e-11.
+/// With counts of 2 ... 16 steps are two thirds as long. The weights have an absolute sum of 1007; larger counts have
+/// larger ones, whose rounding shows at tolerances of 1e-11.
 struct Extrapolation {
     static constexpr std::size_t sequences = 8;
     static constexpr std::array<std::size_t, sequences> counts{8, 10, 12, 14, 16, 18, 20, 22};
-    static constexpr std::size_t most = counts.back();
     /// Of the error estimate in H: that of order 14, without the sequence of the longest substeps.
     static constexpr int error_order = 15;
 
@@ -49,7 +48,7 @@ struct Extrapolation {
 };
 
 /// One solution of a smooth model with N directions of derivative by Extrapolation. The sequences stand in the lanes of
-/// packs, so a step takes as long as 22 evaluations and four such steps go as far as nine to twenty of flow_method's.
+/// packs: a step takes as long as 22 evaluations, and is three to five times as long as one of flow_method.
 template <FlowPackModel M, std::size_t N, class Arch = xsimd::default_arch>
 class ExtrapolatedFlow {
 public:
@@ -74,7 +73,7 @@ public:
     /// @return false where it does not get there: the steps are used up, become too short, or the rounding of the
     ///         extrapolation hides their errors. A Trajectory tells more.
     [[nodiscard]] bool advance(double target) {
-        // After a good step, tenfold shorter ones have been tried by then.
+        // In a row: then not the length is at fault.
         constexpr int most_rejected = 8;
         int rejected = 0;
         while (s_ < target) {
