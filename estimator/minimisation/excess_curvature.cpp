@@ -35,9 +35,17 @@ bool ExcessCurvature::possible() const {
            set_.spread.alone();
 }
 
-void ExcessCurvature::hold(const std::vector<std::size_t>& blocks) {
+bool ExcessCurvature::hold(const std::vector<std::size_t>& blocks, std::size_t most) {
+    std::map<std::size_t, double> next = excess_;
     for (const std::size_t b : blocks)
-        excess_[b] = held_excess;
+        next[b] = held_excess;
+    const auto held = [](const std::map<std::size_t, double>& excess) {
+        return static_cast<std::size_t>(
+            std::count_if(excess.begin(), excess.end(), [](const auto& block) { return block.second == held_excess; }));
+    };
+    if (held(next) > most || held(next) == held(excess_)) return false;
+    excess_ = std::move(next);
+    return true;
 }
 
 std::size_t ExcessCurvature::release() {

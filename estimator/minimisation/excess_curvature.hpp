@@ -23,8 +23,10 @@ public:
 
     /// By blocks of the set, see BlockRows::excess.
     [[nodiscard]] const std::map<std::size_t, double>& of_blocks() const { return excess_; }
-    /// The latent states of these blocks stay where they are in all steps to come.
-    void hold(const std::vector<std::size_t>& blocks);
+    /// The latent states of these blocks of chains stay where they are until release(), if then at most so many are
+    /// held.
+    /// @return whether more are held than before
+    bool hold(const std::vector<std::size_t>& blocks, std::size_t most);
     /// They move again. @return how many were held
     std::size_t release();
     /// Keeps what the model tells of each block, if the trial of this step will be compared with it.

@@ -26,6 +26,8 @@ constexpr Eigen::Index most_unknowns = 64;
 /// Blocks hold up all others where they have nearly all of what is left, and are few among all. As many are held as
 /// have all of it but this little.
 constexpr double nearly_all = 0.9, little = 1e-3, few = 0.01;
+/// Share of all blocks that are held at most, neighbours included.
+constexpr double most_held = 0.03;
 /// Runs of them may have gaps.
 constexpr std::size_t longest_gap = 4;
 
@@ -224,10 +226,9 @@ std::vector<std::size_t> Minimisation::few_that_move() {
 /// Where a few blocks hold up all others, their latent states stay until the rest has converged. @return whether some
 /// do
 bool Minimisation::hold_few() {
-    if (released_ || !set_.spread.alone()) return false;
-    const std::vector<std::size_t> blocks = few_that_move();
-    if (blocks.empty()) return false;
-    excess_.hold(blocks);
+    if (released_ || !set_.linked || set_.constraints > 0 || !set_.spread.alone()) return false;
+    if (!excess_.hold(few_that_move(), static_cast<std::size_t>(most_held * static_cast<double>(set_.blocks.size()))))
+        return false;
     factorise_steps();
     radius_ = std::max(radius_, initial_radius());
     stopping_.begin_again();
@@ -240,6 +241,7 @@ bool Minimisation::release_held() {
     const std::size_t held = excess_.release();
     if (held == 0) return false;
     factorise_errors();
+    set_model();
     factorise_steps();
     released_ = !(model_length_ < converged_sds);
     stopping_.begin_again();
