@@ -128,7 +128,7 @@ TEST_CASE("what the extrapolation cannot follow ends as it does by single steps"
     FlowOptions few{1e-9, 1e-9};
     few.maximum_steps = 2;
     CHECK(system.flow(x0, 0.0, durations, theta, Clock::time, few).status == FlowStatus::step_budget);
-    // An absolute tolerance that no rounding of the state keeps, at a coordinate that is 0 at both ends of a step.
+    // At rest: neither errors nor states have a size.
     const auto pendulum = make_system("driven_pendulum");
     Eigen::VectorXd still = pendulum->default_parameters();
     still[1] = 0.0;
