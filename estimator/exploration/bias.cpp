@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <tuple>
 #include <utility>
 #include <variant>
 
@@ -26,6 +28,11 @@ namespace {
 /// rest would cost several times as many steps, for courses fold and single steps are short.
 constexpr double rough_step = 0.01;
 constexpr double near = 0.05;
+/// Where courses fold a minimisation with another slope may end at a kink. One that has converged so near is then taken.
+constexpr double near_fold = 0.25;
+
+/// Errors are added of half the variance that the record's own have, and the bias grows in proportion.
+constexpr double added_variance = 0.5;
 
 /// One estimate uses all processors, and several at once the memory of several.
 bool is_long(const Estimate& estimate) {
@@ -67,7 +74,9 @@ std::vector<Index> movable(const std::vector<FreeParameter>& parameters, const E
 SimulatedBias simulated_bias(const std::vector<FreeParameter>& parameters,
                              const std::vector<const Residual*>& residuals, const EstimateOptions& options,
                              const Estimate& estimate, std::size_t pairs, const RecordDrawOptions& asked) {
-    const RecordDraws draws(residuals, estimate, asked);
+    RecordDrawOptions more = asked;
+    more.added = added_variance;
+    const RecordDraws draws(residuals, estimate, more);
     const std::vector<DerivedQuantity> none;
     EstimateOptions rough = options;
     rough.step_tolerance = std::max(options.step_tolerance, rough_step);
@@ -87,7 +96,8 @@ SimulatedBias simulated_bias(const std::vector<FreeParameter>& parameters,
     std::vector<VectorXd> means;
     for (std::size_t i = 0; i < replicates.size(); i += 2)
         if (replicates[i].status == EstimateStatus::converged && replicates[i + 1].status == EstimateStatus::converged)
-            means.emplace_back(0.5 * (replicates[i].values + replicates[i + 1].values).head(theta.size()) - theta);
+            means.emplace_back(
+                (0.5 * (replicates[i].values + replicates[i + 1].values).head(theta.size()) - theta) / added_variance);
     result.pairs = means.size();
     const auto count = static_cast<double>(means.size());
     result.value = VectorXd::Constant(theta.size(), means.empty() ? nan_value : 0.0);
@@ -145,21 +155,31 @@ Estimate unbiased(const std::vector<FreeParameter>& parameters, const std::vecto
     quick.step_tolerance = std::max(options.step_tolerance, rough_step);
     Estimate now = estimate;
     Tilt tilt;
-    for (int round = 0; round < most_rounds; ++round) {
+    double least = near_fold;
+    std::optional<std::pair<Estimate, Tilt>> best;
+    for (int round = 0; round < most_rounds && !(best && now.status != EstimateStatus::converged); ++round) {
         slope(which) += information.solve(rest);
         tilt = Tilt(parameters, now, slope);
         now = estimate_again(parameters, residuals, {}, tilt.with(quick), now);
         if (now.status == EstimateStatus::interrupted) return stopped();
-        if (now.status != EstimateStatus::converged) return unchanged(now.message);
+        if (!(now.remaining < largest_bias)) return unchanged(now.message);
         rest = values_of(now)(which) - first + bias.value(which);
         double left = 0.0;
         for (Index k = 0; k < rest.size(); ++k)
             left = std::max(left,
                             std::abs(rest[k]) /
                                 estimate.parameters[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])].sd);
-        if (left < near) break;
         if (!(left < largest_bias)) return unchanged("the estimate does not follow the slope");
+        if (now.status == EstimateStatus::converged && left < least) {
+            best.emplace(now, tilt);
+            least = left;
+        }
+        if (least < near) break;
     }
+    if (!best)
+        return unchanged(now.status == EstimateStatus::converged ? "the estimate does not follow the slope"
+                                                                 : now.message);
+    std::tie(now, tilt) = *std::move(best);
     Estimate result = estimate_again(parameters, residuals, derived, tilt.with(options), now);
     if (result.status != EstimateStatus::converged)
         return result.status == EstimateStatus::interrupted ? stopped() : unchanged(result.message);

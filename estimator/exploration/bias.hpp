@@ -30,7 +30,7 @@ struct SimulatedBias {
                                            const RecordDrawOptions& draws);
 
 /// A bias beyond so many sds is no correction: the estimate stays as it is.
-inline constexpr double largest_bias = 2.0;
+inline constexpr double largest_bias = 4.0;
 
 /// The estimate less its bias by simulation, with states, scales and intervals that belong to it.
 ///

@@ -69,7 +69,7 @@ const char* name(ErrorDraw draw) {
 
 RecordDraws::RecordDraws(const std::vector<const Residual*>& residuals, const Estimate& estimate,
                          const RecordDrawOptions& options)
-    : seed_(options.seed), kind_(options.kind) {
+    : seed_(options.seed), kind_(options.kind), added_(options.added) {
     const std::size_t count = residuals.size();
     if (estimate.status == EstimateStatus::failed || estimate.active.size() != count ||
         estimate.residuals.size() != count)
@@ -293,17 +293,17 @@ void RecordDraws::couple(const Source& source, std::size_t block, Eigen::VectorX
     }
 }
 
-Eigen::VectorXd RecordDraws::shift_of(const Source& source, std::size_t block, const Eigen::VectorXd& unit) {
+Eigen::VectorXd RecordDraws::shift_of(const Source& source, std::size_t block, const Eigen::VectorXd& unit) const {
     const BlockLayout& layout = source.active->layout[block];
-    Eigen::VectorXd shift = -source.fitted[block];
+    const bool anew = !(added_ > 0.0);
+    const double share = anew ? 1.0 : std::sqrt(added_);
+    Eigen::VectorXd shift = anew ? Eigen::VectorXd(-source.fitted[block]) : Eigen::VectorXd::Zero(unit.size());
     for (Eigen::Index i = 0; i < shift.size(); ++i) {
         const Channel& channel = source.channels[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];
-        if (std::holds_alternative<LogNormalErrors>(channel.distribution)) {
-            const double prediction = layout.observed[i] - source.fitted[block][i];
-            shift[i] += prediction * std::expm1(channel.scale * unit[i]);
-        } else {
-            shift[i] += local_sd(source, channel, block, i) * unit[i];
-        }
+        if (std::holds_alternative<LogNormalErrors>(channel.distribution))
+            shift[i] += (layout.observed[i] + shift[i]) * std::expm1(share * channel.scale * unit[i]);
+        else
+            shift[i] += share * local_sd(source, channel, block, i) * unit[i];
     }
     return shift;
 }

@@ -32,6 +32,8 @@ struct RecordDrawOptions {
     /// A fixed sd of linked records (continuity of nodes) is that of real errors, not a slack that the computation
     /// needs.
     bool fixed_links_err = false;
+    /// > 0: errors are added to the record as it was read, of this share of their variance. 0: they replace its own.
+    double added = 0.0;
 };
 
 /// New records of the experiment that an estimate describes: what it predicts, with other errors.
@@ -42,6 +44,8 @@ struct RecordDrawOptions {
 /// simulated over its whole length, where arithmetic alone would lead it elsewhere. Linked records (continuity) whose
 /// sd is a slack of the computation (fixed, or estimated and at its floor) have no errors: the found course then is an
 /// exact one. Those with an estimated sd have errors of that sd: process noise.
+///
+/// Added errors leave the record what it is, with the course that made it: y* = y + sqrt(added) e*, shift the same.
 ///
 /// Blocks: errors in units of their own sd, mean taken off, scaled to a mean square of 1 (heavy-tailed laws keep
 /// theirs). Groups of ordered records are drawn in blocks of the longest block_length() of their residual, at the same
@@ -99,12 +103,13 @@ private:
     [[nodiscard]] static std::vector<std::vector<double>> sequences(const Source& source, const Channel& channel);
     [[nodiscard]] static bool is_correlated(const Source& source);
     static void couple(const Source& source, std::size_t block, Eigen::VectorXd& unit);
-    [[nodiscard]] static Eigen::VectorXd shift_of(const Source& source, std::size_t block, const Eigen::VectorXd& unit);
+    [[nodiscard]] Eigen::VectorXd shift_of(const Source& source, std::size_t block, const Eigen::VectorXd& unit) const;
     void draw(const Channel& channel, std::size_t length, RandomStream random,
               std::vector<Eigen::VectorXd>& unit) const;
 
     std::uint64_t seed_;
     ErrorDraw kind_;
+    double added_;
     std::vector<Source> sources_;
 };
 

@@ -194,6 +194,8 @@ void TiedProblem::expand(Estimate& estimate) const {
     };
     const Eigen::Index count = map.reduced_size();
     if (estimate.covariance.rows() == count) estimate.covariance = square(estimate.covariance, false);
+    if (estimate.laplace_covariance.rows() == count)
+        estimate.laplace_covariance = square(estimate.laplace_covariance, false);
     if (estimate.correlation.rows() == count) estimate.correlation = square(estimate.correlation, true);
     if (estimate.hessian_ratio.size() == count) estimate.hessian_ratio = rows(estimate.hessian_ratio, unknown);
     // Relative changes: a follower changes by the same fraction as the parameter it follows.

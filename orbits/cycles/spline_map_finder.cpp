@@ -32,6 +32,10 @@ constexpr double start_cell = 0.01;
 // Distance of patches (scaled units), and that of the map which is compared.
 constexpr double spacing = 0.02;
 constexpr double coarser = 1.5;
+// The first map, from which the others begin: patches as wide average large errors, and hold their share of the
+// errors' variance until the points are smooth.
+constexpr double coarsest = 2.5;
+constexpr double coarse_share = 0.03;
 
 // A coarser map may move a point by this much (scaled units).
 constexpr double largest_map_disagreement = 0.02;
@@ -54,7 +58,8 @@ public:
         : options_(options),
           section_(section),
           lift_(lift_section(section, NeighbourIndex(section))),
-          coarse_(fit_spline_map(section, lift_, reading_covariance, coarse_options())),
+          first_(fit_spline_map(section, lift_, reading_covariance, first_options())),
+          coarse_(fit_spline_map(section, lift_, reading_covariance, coarse_options(), &first_)),
           fit_(fit_spline_map(section, lift_, reading_covariance, fine_options(), &coarse_)) {}
 
     [[nodiscard]] std::vector<CycleCandidate> find(int period, CycleSearch& search) const override {
@@ -103,10 +108,17 @@ private:
             search.remarks.push_back(sentence);
     }
 
+    static SplineMapFitOptions first_options() {
+        SplineMapFitOptions options;
+        options.spacing = coarsest * spacing;
+        options.last_share = coarse_share;
+        return options;
+    }
+
     static SplineMapFitOptions coarse_options() {
         SplineMapFitOptions options;
         options.spacing = coarser * spacing;
-        options.passes = 6;
+        options.first_share = coarse_share;
         return options;
     }
 
@@ -203,6 +215,7 @@ private:
     CycleSearchOptions options_;
     const SectionPoints& section_;
     SectionLift lift_;
+    SplineMapFit first_;
     SplineMapFit coarse_;
     SplineMapFit fit_;
 };

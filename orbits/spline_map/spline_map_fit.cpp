@@ -44,7 +44,7 @@ public:
             fit_.states = coarser->states;
             fit_.remaining = coarser->remaining;
         }
-        start();
+        start(coarser && coarser->usable ? &coarser->map : nullptr);
         for (int pass = 0; pass < options_.passes && good_; ++pass) {
             const double fall = options_.passes > 1
                                     ? std::pow(options_.last_share / options_.first_share,
@@ -63,7 +63,8 @@ private:
     }
 
     // Ordinary least squares: reading errors of the place neglected, variance of the rest from the residuals.
-    void start() {
+    // @param coarser  tells an angle's turns better than the lift, where errors grow to half a turn; may be null
+    void start(const SplineMap* coarser) {
         const SplineDesign design(fit_.map, fit_.states, present_, section_.interrupted());
         const std::vector<double> normal = design.normal_matrix(nullptr);
         Eigen::MatrixXd target = lift_.displacement;
@@ -72,6 +73,7 @@ private:
                 target.col(t) += image_shift(t) - lift_.offset;
             else
                 target.col(t).setZero();
+        if (coarser) take_turns(*coarser, target);
         const Eigen::VectorXd right = design.gathered(target);
         const double scale = mean_diagonal(normal);
         Eigen::VectorXd variance = Eigen::VectorXd::Ones(n_);
@@ -99,6 +101,19 @@ private:
         for (Eigen::Index d = 0; d < n_; ++d)
             roughness_[static_cast<std::size_t>(d)].scale_weight(1.0 / variance[d]);
         good_ = fit_.unexplained < options_.largest_unexplained;
+    }
+
+    // Turns of displacements (less the offset) nearest to a map.
+    void take_turns(const SplineMap& map, Eigen::MatrixXd& target) const {
+        MapValue value;
+        for (Eigen::Index t = 0; t < target.cols(); ++t) {
+            if (!present_[static_cast<std::size_t>(t)]) continue;
+            map.evaluate(fit_.states.col(t).data(), 1, value);
+            if (!value.inside) continue;
+            for (Eigen::Index d = 0; d < n_; ++d)
+                if (section_.is_angle(d))
+                    target(d, t) -= std::nearbyint(target(d, t) + lift_.offset[d] - value.displacement[d]);
+        }
     }
 
     // By how much smoothing moved the image of a point more than the point.
@@ -203,9 +218,11 @@ private:
             for (Eigen::Index b = 0; b < n_; ++b)
                 step.model(a, b) +=
                     0.5 * (curved[static_cast<std::size_t>(a)] * curved[static_cast<std::size_t>(b)]).trace();
-        step.residual = lift_.displacement.col(at) - value.displacement + moved - step.jacobian * moved;
+        step.residual = lift_.displacement.col(at) - value.displacement + moved;
+        // Turns by the smoothed point: errors of the one that was read may grow to more than half a turn.
         for (Eigen::Index d = 0; d < n_; ++d)
             if (section_.is_angle(d)) step.residual[d] -= std::nearbyint(step.residual[d]);
+        step.residual -= step.jacobian * moved;
         return step;
     }
 
