@@ -103,6 +103,22 @@ TEST_CASE("errors of opposite signs are drawn in pairs", "[estimator][bias]") {
     }
 }
 
+TEST_CASE("added errors leave the record its own, and have a share of their variance", "[estimator][bias]") {
+    const Circle circle(20, estimator::Scale::linear);
+    estimator::RecordDrawOptions more = circle.draws;
+    more.added = 0.25;
+    const estimator::RecordDraws anew({&circle.residual}, circle.estimate, circle.draws);
+    const estimator::RecordDraws added({&circle.residual}, circle.estimate, more);
+    const auto replaced = anew.shifts(4);
+    const auto one = added.shifts(4);
+    const auto other = added.shifts(4, estimator::Mirror::opposite);
+    for (std::size_t b = 0; b < 20; ++b) {
+        const Eigen::VectorXd drawn = replaced[0][b] + circle.estimate.residuals[0][b].e;
+        CHECK((one[0][b] - 0.5 * drawn).norm() < 1e-14);
+        CHECK((one[0][b] + other[0][b]).norm() == 0.0);
+    }
+}
+
 TEST_CASE("the bias of a circle's radius is known from few pairs", "[estimator][bias]") {
     constexpr std::size_t points = 400;
     const Circle circle(points, estimator::Scale::linear);
@@ -192,7 +208,7 @@ TEST_CASE("what cannot be corrected stays as it is, and says why", "[estimator][
     }
     SECTION("no pair") {
         const Estimate same = circle.unbiased(0);
-        CHECK_THAT(same.message, ContainsSubstring("no pair of records drawn anew gave two estimates"));
+        CHECK_THAT(same.message, ContainsSubstring("no pair of records with further errors gave two estimates"));
         CHECK(std::isnan(circle.bias(0).value[0]));
     }
     SECTION("a parameter with a prior") {
@@ -225,6 +241,18 @@ TEST_CASE("what cannot be corrected stays as it is, and says why", "[estimator][
         const double known = known_bias(two.estimate.parameters[1].value);
         // Four errors of the mean of 8 pairs, 2.5 % each, and the twentieth of a sd that the slope leaves.
         CHECK_THAT(better.parameters[1].bias, WithinRel(known, 0.15));
+    }
+    SECTION("a parameter that follows another one has its bias") {
+        Circle two(400, estimator::Scale::linear, 2);
+        two.parameters[0].start = 1.9;
+        two.parameters[0].tied_to = "radius_2";
+        two.estimate = estimator::estimate(two.parameters, {&two.residual}, two.derived, two.options);
+        const Estimate better = two.unbiased(8);
+        CHECK(better.bias_left.empty());
+        CHECK(better.parameters[0].value == better.parameters[1].value);
+        CHECK(better.parameters[0].bias == better.parameters[1].bias);
+        // Two circles: half of the pairs' error, sds smaller by sqrt(2).
+        CHECK_THAT(better.parameters[1].bias, WithinRel(known_bias(two.estimate.parameters[1].value), 0.1));
     }
     SECTION("a parameter that is held") {
         circle.parameters[0].lower = circle.parameters[0].upper = circle.parameters[0].start;

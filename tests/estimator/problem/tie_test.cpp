@@ -74,6 +74,8 @@ TEST_CASE("tied parameters are one parameter of the estimate", "[estimator][tie]
     CHECK(p[0].lower95 < p[0].upper95);
     CHECK_THAT(estimate.covariance(0, 0), WithinRel(p[0].sd * p[0].sd, 1e-12));
     CHECK_THAT(estimate.covariance(0, 1), WithinRel(-2.0 * estimate.covariance(2, 1), 1e-14));
+    CHECK_THAT(estimate.laplace_covariance(0, 0), WithinRel(p[0].laplace_sd * p[0].laplace_sd, 1e-12));
+    CHECK_THAT(estimate.laplace_covariance(0, 1), WithinRel(-2.0 * estimate.laplace_covariance(2, 1), 1e-14));
     CHECK(estimate.correlation(0, 2) == -1.0);
     CHECK(estimate.correlation(0, 1) == -estimate.correlation(2, 1));
     const double a = p[0].value;
