@@ -28,16 +28,17 @@ namespace {
 /// rest would cost several times as many steps, for courses fold and single steps are short.
 constexpr double rough_step = 0.01;
 constexpr double near = 0.05;
-/// Where courses fold a minimisation with another slope may end at a kink. One that has converged so near is then taken.
+/// Where courses fold a minimisation with another slope may end at a kink. One that has converged so near is then
+/// taken.
 constexpr double near_fold = 0.25;
 
-/// Of added errors, over that of the record's own. With 1 the pendulum's length has the same bias, but some more of the
-/// estimates do not converge.
+/// Of added errors, over that of the record's own. With 1 the pendulum's length has the same bias: 1.84 and 1.86 sds in
+/// the mean of nine records at noise 2e-2.
 constexpr double added_variance = 0.5;
 
-/// Pairs scatter by a third of the bias. Where it is beyond so many sds there are more of them.
-constexpr double precise_bias = 1.25;
-constexpr std::size_t more_pairs = 3;
+/// Pairs of a second try, over those of the first: where errors are large single estimates do not converge. More pairs
+/// tell little more: from record to record the bias found of the length scatters by 0.45 sds with two, 0.39 with six.
+constexpr std::size_t second_try = 2;
 
 /// One estimate uses all processors, and several at once the memory of several.
 bool is_long(const Estimate& estimate) {
@@ -97,16 +98,6 @@ SimulatedBias mean_of(const std::vector<VectorXd>& pairs, Index parameters) {
     return result;
 }
 
-/// The largest of moves of determined parameters.
-double in_sds(const VectorXd& moves, const Estimate& estimate) {
-    double largest = 0.0;
-    for (Index i = 0; i < moves.size(); ++i) {
-        const double sd = estimate.parameters[static_cast<std::size_t>(i)].sd;
-        if (sd > 0.0 && std::isfinite(sd)) largest = std::max(largest, std::abs(moves[i]) / sd);
-    }
-    return largest;
-}
-
 }  // namespace
 
 SimulatedBias simulated_bias(const std::vector<FreeParameter>& parameters,
@@ -140,7 +131,7 @@ SimulatedBias simulated_bias(const std::vector<FreeParameter>& parameters,
         return mean_of(means, theta.size());
     };
     SimulatedBias result = add(0, pairs);
-    if (result.pairs == 0 || in_sds(result.value, estimate) > precise_bias) result = add(pairs, more_pairs * pairs);
+    if (result.pairs == 0) result = add(pairs, (1 + second_try) * pairs);
     return result;
 }
 

@@ -24,8 +24,9 @@ struct SimulatedBias {
 /// range shows half of the bias of a chaotic series.
 ///
 /// Errors are added in pairs of opposite signs. In the mean of a pair all that is linear in them cancels, so that few
-/// pairs tell the bias; where it is large, three times as many are taken. Estimates begin at the given one (Replication), and end where a hundredth of a sd is left.
-/// They run at once, of long series one after the other. The same result for any number of threads.
+/// pairs tell the bias. Where no pair converges twice as many are tried once more. Estimates begin at the given one
+/// (Replication), and end where a hundredth of a sd is left. They run at once, of long series one after the other. The
+/// same result for any number of threads.
 /// @param draws  its `added` is not read.
 /// @throws std::invalid_argument, models::DataError as RecordDraws and estimate() do.
 /// Source: simulation and extrapolation, J. R. Cook, L. A. Stefanski, J. Am. Stat. Assoc. 89:1314-1328 (1994);

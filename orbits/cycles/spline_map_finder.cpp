@@ -32,9 +32,9 @@ constexpr double start_cell = 0.01;
 // Distance of patches (scaled units), and that of the map which is compared.
 constexpr double spacing = 0.02;
 constexpr double coarser = 1.5;
-// The first map, from which the others begin: patches as wide average large errors, and hold their share of the
-// errors' variance until the points are smooth.
-constexpr double coarsest = 2.5;
+// Patches of the first maps, and the share of the errors that they end with.
+constexpr double widest = 2.5;
+constexpr double first_share = 0.1;
 constexpr double coarse_share = 0.03;
 
 // A coarser map may move a point by this much (scaled units).
@@ -58,8 +58,7 @@ public:
         : options_(options),
           section_(section),
           lift_(lift_section(section, NeighbourIndex(section))),
-          first_(fit_spline_map(section, lift_, reading_covariance, first_options())),
-          coarse_(fit_spline_map(section, lift_, reading_covariance, coarse_options(), &first_)),
+          coarse_(coarse_map(section, lift_, reading_covariance)),
           fit_(fit_spline_map(section, lift_, reading_covariance, fine_options(), &coarse_)) {}
 
     [[nodiscard]] std::vector<CycleCandidate> find(int period, CycleSearch& search) const override {
@@ -108,18 +107,20 @@ private:
             search.remarks.push_back(sentence);
     }
 
-    static SplineMapFitOptions first_options() {
+    // Smooth points step by step: a map of widest patches, the same once more with turns by the first, then the map
+    // that is compared.
+    static SplineMapFit coarse_map(const SectionPoints& section, const SectionLift& lift,
+                                   const Eigen::MatrixXd& reading_covariance) {
         SplineMapFitOptions options;
-        options.spacing = coarsest * spacing;
-        options.last_share = coarse_share;
-        return options;
-    }
-
-    static SplineMapFitOptions coarse_options() {
-        SplineMapFitOptions options;
+        options.spacing = widest * spacing;
+        options.last_share = first_share;
+        SplineMapFit before = fit_spline_map(section, lift, reading_covariance, options);
+        options.first_share = options.last_share = coarse_share;
+        before = fit_spline_map(section, lift, reading_covariance, options, &before);
+        options = {};
         options.spacing = coarser * spacing;
         options.first_share = coarse_share;
-        return options;
+        return fit_spline_map(section, lift, reading_covariance, options, &before);
     }
 
     static SplineMapFitOptions fine_options() {
@@ -215,7 +216,6 @@ private:
     CycleSearchOptions options_;
     const SectionPoints& section_;
     SectionLift lift_;
-    SplineMapFit first_;
     SplineMapFit coarse_;
     SplineMapFit fit_;
 };

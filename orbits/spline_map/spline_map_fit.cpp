@@ -96,7 +96,8 @@ private:
             if (!(good_ = fit_.unexplained < 2.0 * options_.largest_unexplained)) return;
             const std::vector<double> root = factor.inverse_factor();
             for (Eigen::Index d = 0; d < n_; ++d)
-                roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d], section_.interrupted());
+                roughness_[static_cast<std::size_t>(d)].reweigh(root, solution, variance[d], least_difference(d),
+                                                                section_.interrupted());
         }
         for (Eigen::Index d = 0; d < n_; ++d)
             roughness_[static_cast<std::size_t>(d)].scale_weight(1.0 / variance[d]);
@@ -115,6 +116,9 @@ private:
                     target(d, t) -= std::nearbyint(target(d, t) + lift_.offset[d] - value.displacement[d]);
         }
     }
+
+    // Variance of third differences that are as good as none: a hundredth of the reading error, squared.
+    [[nodiscard]] double least_difference(Eigen::Index d) const { return 1e-4 * reading_(d, d); }
 
     // By how much smoothing moved the image of a point more than the point.
     [[nodiscard]] Eigen::VectorXd image_shift(Eigen::Index t) const {
@@ -179,8 +183,9 @@ private:
 
         std::vector<double> root = factor.inverse_factor();
         double freedom = 0.0;  // effective number of coefficients
-        for (SplineRoughness& roughness : roughness_)
-            freedom += roughness.reweigh(root, fit_.map.coefficients(), 1.0, section_.interrupted());
+        for (Eigen::Index d = 0; d < n_; ++d)
+            freedom += roughness_[static_cast<std::size_t>(d)].reweigh(root, fit_.map.coefficients(), 1.0,
+                                                                       least_difference(d), section_.interrupted());
         fit_.chi2 /= static_cast<double>(n_) * static_cast<double>(section_.image_count()) - freedom;
         if (last) fit_.root = std::move(root);
     }

@@ -59,7 +59,7 @@ Eigen::VectorXd SplineRoughness::times(const Eigen::VectorXd& c) const {
 }
 
 double SplineRoughness::reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance,
-                                const std::function<bool()>& interrupted) {
+                                double least, const std::function<bool()>& interrupted) {
     const auto size = static_cast<std::size_t>(c.size());
     std::vector<double> unknown(rows_.count());
     tbb::parallel_for(std::size_t{0}, unknown.size(), [&](std::size_t r) {
@@ -90,7 +90,7 @@ double SplineRoughness::reweigh(const std::vector<double>& root, const Eigen::Ve
     const double common = std::max(freedom, 1.0) / total;
     for (std::size_t g = 0; g < weight_.size(); ++g) {
         const double effective = std::max(0.0, rank_[g] - weight_[g] * trace[g]);
-        weight_[g] = variance * (effective + doubt) / (rough[g] + doubt / common);
+        weight_[g] = std::min(variance * (effective + doubt) / (rough[g] + doubt / common), variance / least);
     }
     return freedom;
 }

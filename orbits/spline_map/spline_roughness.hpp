@@ -33,10 +33,11 @@ public:
     /// of their estimates plus their uncertainty.
     ///
     /// @param root      K of the covariance K' K variance of c, from the present weights (relative to `variance`).
+    /// @param least     variance of differences that are as good as none: weights end there.
     /// @return effective number of coefficients.
     /// Source: Fellner (1986) and Schall (1991), for variances of random effects; the total of a region's independent
     /// differences is shared evenly.
-    double reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance,
+    double reweigh(const std::vector<double>& root, const Eigen::VectorXd& c, double variance, double least,
                    const std::function<bool()>& interrupted);
 
 private:

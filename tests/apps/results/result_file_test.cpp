@@ -104,8 +104,9 @@ TEST_CASE("the verdict tells of a bias that stays in", "[apps]") {
     CHECK(verdict()["trust"] == "all");
     estimate.bias_left = "no pair of records with further errors gave two estimates";
     CHECK(verdict()["trust"] == "values");
-    CHECK(verdict()["because"] == nlohmann::json({"readings err by more than the course's folds, and their bias is not "
-                                                  "taken off: no pair of records with further errors gave two estimates"}));
+    CHECK(verdict()["because"] ==
+          nlohmann::json({"readings err by more than the course's folds, and their bias is not "
+                          "taken off: no pair of records with further errors gave two estimates"}));
 }
 
 TEST_CASE("null directions name their parameters, without zeros, largest first", "[apps]") {

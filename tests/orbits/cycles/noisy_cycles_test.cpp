@@ -3,8 +3,10 @@
 #include <cmath>
 #include <random>
 
+#include "models/catalogue/registry.hpp"
 #include "orbits/cycles/cycle_search.hpp"
 #include "tests/catch.hpp"
+#include "tests/orbits/cycles/true_cycles.hpp"
 #include "tests/orbits/sections/map_series.hpp"
 
 namespace noisy_cycles_test {
@@ -79,6 +81,28 @@ TEST_CASE("noisy Henon points hold the map's cycles within their errors", "[orbi
     CHECK(counts == std::vector<int>{0, 1, 1, 0, 1, 0, 2});
     CHECK(std::sqrt(squares / values) < 2.0);
     CHECK(std::sqrt(squares / values) > 0.2);
+}
+
+TEST_CASE("errors that grow to more than half a turn leave the shortest cycles", "[orbits][cycles][patch_map]") {
+    // Errors of 2 % of the range grow fortyfold where the pendulum passes upside down. The model has 6 and 9 cycles.
+    constexpr double noise = 0.02;
+    const auto system = models::make_system("parametric_pendulum");
+    const orbits::Series series = tests::pendulum_record(*system, std::size_t{1} << 15, noise, 1);
+    orbits::CycleSearchOptions options = search_options(series, noise);
+    options.periods = {1, 2};
+    options.symmetry_signs = std::vector<double>{-1.0, -1.0};
+    options.reading_covariance = (noise * tests::pendulum_range()).cwiseAbs2().asDiagonal();
+    const orbits::CycleSearch search = find_cycles(series, options);
+    const auto truths =
+        tests::true_cycles(*system, tests::pendulum_at(*system, 0.0), search.cycles, tests::pendulum_range());
+    const auto fixed = tests::summary(search.cycles, truths, 1);
+    CHECK(fixed.true_ones == 6);
+    CHECK(fixed.found == 6);
+    const auto doubled = tests::summary(search.cycles, truths, 2);
+    CAPTURE(doubled.found, doubled.worst_position);
+    CHECK(doubled.true_ones >= 6);
+    CHECK(doubled.found <= doubled.true_ones + 2);
+    CHECK(tests::summary(search.cycles, truths, 0).z_rms < 2.0);
 }
 
 TEST_CASE("shuffled points hold no cycle, with errors said small or large", "[orbits][cycles][patch_map]") {
