@@ -295,9 +295,8 @@ void RecordDraws::couple(const Source& source, std::size_t block, Eigen::VectorX
 
 Eigen::VectorXd RecordDraws::shift_of(const Source& source, std::size_t block, const Eigen::VectorXd& unit) const {
     const BlockLayout& layout = source.active->layout[block];
-    const bool anew = !(added_ > 0.0);
-    const double share = anew ? 1.0 : std::sqrt(added_);
-    Eigen::VectorXd shift = anew ? Eigen::VectorXd(-source.fitted[block]) : Eigen::VectorXd::Zero(unit.size());
+    const double share = added() ? std::sqrt(added_) : 1.0;
+    Eigen::VectorXd shift = added() ? Eigen::VectorXd::Zero(unit.size()) : Eigen::VectorXd(-source.fitted[block]);
     for (Eigen::Index i = 0; i < shift.size(); ++i) {
         const Channel& channel = source.channels[static_cast<std::size_t>(layout.group[static_cast<std::size_t>(i)])];
         if (std::holds_alternative<LogNormalErrors>(channel.distribution))

@@ -61,6 +61,8 @@ public:
 
     /// Never automatic.
     [[nodiscard]] ErrorDraw kind() const { return kind_; }
+    /// Whether errors are added to the record as it was read.
+    [[nodiscard]] bool added() const { return added_ > 0.0; }
     /// Longest blocks of any group; 1: errors are drawn one by one.
     [[nodiscard]] std::size_t longest_block() const;
 

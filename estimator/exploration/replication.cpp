@@ -101,7 +101,9 @@ BootstrapReplicate Replication::run(std::size_t number, Mirror mirror) const {
     EstimateOptions options = options_;
     // Below all streams of records, whose residuals and groups are counted from 0.
     constexpr std::uint64_t of_priors = ~std::uint64_t{0};
-    redraw_priors(estimate_, {seed_, RandomPurpose::bootstrap, of_priors - number}, parameters, options.joint_priors);
+    if (!draws_.added())
+        redraw_priors(estimate_, {seed_, RandomPurpose::bootstrap, of_priors - number}, parameters,
+                      options.joint_priors);
     const Estimate found = estimator::estimate(parameters, redrawn, derived_, options);
     BootstrapReplicate replicate;
     replicate.number = number;

@@ -143,6 +143,15 @@ TEST_CASE("the bias of a circle's radius is known from few pairs", "[estimator][
     CHECK(circle.bias(8).value == found.value);
 }
 
+TEST_CASE("a prior holds back half of the bias where it tells half", "[estimator][bias]") {
+    Circle circle(400, estimator::Scale::linear);
+    const double sd = noise / 20.0;
+    circle.parameters[0].prior = estimator::NormalPrior{circle.estimate.parameters[0].value, sd};
+    circle.estimate = estimator::estimate(circle.parameters, {&circle.residual}, {}, circle.options);
+    const double known = 0.5 * known_bias(circle.estimate.parameters[0].value);
+    CHECK_THAT(circle.bias(8).value[0], WithinRel(known, 0.15));
+}
+
 TEST_CASE("an estimate less its bias is right, on every scale, and all that follows belongs to it",
           "[estimator][bias]") {
     for (const auto scale : {estimator::Scale::linear, estimator::Scale::log}) {
