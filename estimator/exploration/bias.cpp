@@ -24,8 +24,8 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// What estimates from new records leave, and what is left of the bias, in sds: below what two pairs tell, 0.1. The
-/// rest would cost several times as many steps, for courses fold and single steps are short.
+/// What estimates from new records leave, and what is left of the bias, in sds: below what two pairs tell. The rest
+/// would cost several times as many steps, for courses fold and single steps are short.
 constexpr double rough_step = 0.01;
 constexpr double near = 0.05;
 /// Where courses fold a minimisation with another slope may end at a kink. One that has converged so near is then

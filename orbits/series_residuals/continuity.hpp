@@ -44,9 +44,10 @@ inline constexpr double exact_tightness = 2e-5;
 /// The same for sections whose readings err by more than noisy_readings of the range: this many times that error,
 /// within two limits. There the posterior over nodes folds, and the best of several courses is taken, which moves
 /// parameters to one side, the more the tighter they are matched. Intervals allow for the ratio (Group::slack), and
-/// estimator::unbiased() takes off what of the bias records drawn anew show: all of it at 0.06, half at 0.01. Mean z of
-/// the pendulum's length without that, 1000 sections, noise 5e-3: -0.18 at 0.06, -0.56 at 0.01 (80 records), rms error
-/// 6.6e-5 and 5.0e-5. Tighter than 0.01 no error becomes smaller. docs/calibration.md has all of it.
+/// estimator::unbiased() takes the bias off. The ratio was chosen when records drawn anew told the bias, all of it at
+/// 0.06, half at 0.01. Mean z of the pendulum's length with it, 1000 sections, noise 5e-3: -0.18 at 0.06, -0.56 at 0.01
+/// (80 records), rms error 6.6e-5 and 5.0e-5. Tighter than 0.01 no error becomes smaller. docs/calibration.md has all
+/// of it.
 inline constexpr double noisy_tightness = 12.0;
 inline constexpr double least_noisy_tightness = 1e-2;
 inline constexpr double most_noisy_tightness = 0.1;

@@ -100,7 +100,8 @@ TEST_CASE("errors that grow to more than half a turn leave the shortest cycles",
     CHECK(fixed.found == 6);
     const auto doubled = tests::summary(search.cycles, truths, 2);
     CAPTURE(doubled.found, doubled.worst_position);
-    CHECK(doubled.true_ones >= 6);
+    // Measured 9 of 9; other rounding may lose or add a mirror pair.
+    CHECK(doubled.true_ones >= 7);
     CHECK(doubled.found <= doubled.true_ones + 2);
     CHECK(tests::summary(search.cycles, truths, 0).z_rms < 2.0);
 }
