@@ -58,6 +58,18 @@ Eigen::VectorXd starting_parameters(const Job& job) {
     return theta;
 }
 
+std::string causes_of_jumps(const Job& job) {
+    const models::System& system = *job.model.system;
+    Eigen::VectorXd theta = starting_parameters(job);
+    if (job.estimate)
+        for (const FreeParameterJob& free : job.estimate->parameters)
+            if (theta[free.parameter] == 0.0)
+                theta[free.parameter] = system.parameters()[static_cast<std::size_t>(free.parameter)].typical_size;
+    if (system.smooth(theta)) return {};
+    const auto names = causes(system, theta);
+    return names.empty() ? "the equations" : fmt::format("{}", fmt::join(names, ", "));
+}
+
 std::string odeint_refusal(const Job& job) {
     const models::System& system = *job.model.system;
     if (std::string why = models::odeint_refusal(system); !why.empty()) return why;

@@ -20,4 +20,8 @@ namespace orbid::apps {
 /// All parameters, the estimated ones at their starts. Shape (q).
 [[nodiscard]] Eigen::VectorXd starting_parameters(const Job& job);
 
+/// Parameters for which the equations of a job jump, at the job's values or when an estimated one leaves 0, "k1, k2";
+/// "the equations" where they always do. Empty: they are smooth.
+[[nodiscard]] std::string causes_of_jumps(const Job& job);
+
 }  // namespace orbid::apps

@@ -210,6 +210,10 @@ void judge_model(const ResultContext& context, Reasons& reasons) {
     if (context.cycles_share_errors)
         reasons.values.push_back(
             "points and times of the cycles share errors that are not known; add a stage of type series");
+    if (!context.blurred_jumps.empty())
+        reasons.none.push_back(
+            fmt::format("the cycles are those of one smooth map, which blurs what {} does; add a stage of type series",
+                        context.blurred_jumps));
     for (const auto& matching : context.strategy.matching) {
         // Those that the errors of matching explain are no fault.
         const double share =

@@ -29,8 +29,8 @@ struct TrustVerdict {
 /// none    it has not converged with less than one sd left, or was interrupted; less than three quarters of the records
 ///         are used; a direction that nothing decides; a parameter without even an order of magnitude; residuals twice
 ///         the error that was given; correlated residuals that keep more than half of the spread of a coordinate; more
-///         than a tenth of the intervals do not match; a prediction three times its error; strong evidence for another
-///         model.
+///         than a tenth of the intervals do not match; a prediction three times its error; cycles of a smooth map for a
+///         model that jumps; strong evidence for another model.
 /// values  less than one sd is left; some records are not used; a parameter at a bound, held at its start, without an
 ///         interval, or known by the prior alone; an error scale at its limit; fewer than five degrees of freedom; a
 ///         doubtful normal approximation; correlated residuals; outliers; residuals 20 % off the error that was given;

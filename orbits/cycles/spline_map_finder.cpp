@@ -5,13 +5,13 @@
 #include <string>
 #include <utility>
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include "orbits/cycles/cycle_finder.hpp"
 #include "orbits/cycles/spline_map_cycle.hpp"
-#include "orbits/sections/neighbour_index.hpp"
-#include "orbits/spline_map/section_lift.hpp"
 #include "orbits/spline_map/spline_map_fit.hpp"
+#include "orbits/spline_map/spline_map_stages.hpp"
 
 namespace orbid::orbits {
 namespace {
@@ -29,19 +29,12 @@ constexpr double widest_start = 0.2;
 constexpr std::size_t maximum_starts = 20000;
 constexpr double start_cell = 0.01;
 
-// Distance of patches (scaled units), and that of the map which is compared.
-constexpr double spacing = 0.02;
-constexpr double coarser = 1.5;
-// Patches of the first maps, and the share of the errors that they end with.
-constexpr double widest = 2.5;
-constexpr double first_share = 0.1;
-constexpr double coarse_share = 0.03;
-
 // A coarser map may move a point by this much (scaled units).
 constexpr double largest_map_disagreement = 0.02;
 
 // Changes of this many sds between the two maps are no chance: the patches do not follow the map there. Where it has
-// kinks, an error of the order of the spacing, the finer map is as wrong again as the change, 1 / (1.5 - 1) = 2 of it.
+// kinks, an error of the order of the patches' width, the finer map is as wrong again as the change, 1 / (1.5 - 1) = 2
+// of it.
 constexpr double resolved = 3.0;
 // Part of that error which is one vector for all points of a cycle; the rest is independent.
 constexpr double common_part = 0.5;
@@ -56,10 +49,10 @@ public:
     SplineMapFinder(const SectionPoints& section, const CycleSearchOptions& options,
                     const Eigen::MatrixXd& reading_covariance)
         : options_(options),
-          section_(section),
-          lift_(lift_section(section, NeighbourIndex(section))),
-          coarse_(coarse_map(section, lift_, reading_covariance)),
-          fit_(fit_spline_map(section, lift_, reading_covariance, fine_options(), &coarse_)) {}
+          part_(useful_stretch(section, reading_covariance)),
+          section_(part_ ? *part_ : section),
+          coarse_(coarse_spline_map(section_, reading_covariance)),
+          fit_(fine_spline_map(section_, coarse_, reading_covariance)) {}
 
     [[nodiscard]] std::vector<CycleCandidate> find(int period, CycleSearch& search) const override {
         search.spline_map = true;
@@ -71,6 +64,10 @@ public:
         if (fit_.chi2 > remarkable_chi2)
             remark(search,
                    "the map leaves over more than the errors of the readings explain: they may be larger than said");
+        if (part_)
+            remark(search,
+                   fmt::format("the map is that of the first {} points: with such errors more of them mislead it",
+                               part_->size()));
         const std::vector<std::size_t> starts = recurrent(period);
         search.candidates += starts.size();
         std::vector<JudgedCandidate> closed(starts.size());
@@ -105,30 +102,6 @@ private:
     static void remark(CycleSearch& search, const std::string& sentence) {
         if (std::find(search.remarks.begin(), search.remarks.end(), sentence) == search.remarks.end())
             search.remarks.push_back(sentence);
-    }
-
-    // Smooth points step by step: a map of widest patches, the same once more with turns by the first, then the map
-    // that is compared.
-    static SplineMapFit coarse_map(const SectionPoints& section, const SectionLift& lift,
-                                   const Eigen::MatrixXd& reading_covariance) {
-        SplineMapFitOptions options;
-        options.spacing = widest * spacing;
-        options.last_share = first_share;
-        SplineMapFit before = fit_spline_map(section, lift, reading_covariance, options);
-        options.first_share = options.last_share = coarse_share;
-        before = fit_spline_map(section, lift, reading_covariance, options, &before);
-        options = {};
-        options.spacing = coarser * spacing;
-        options.first_share = coarse_share;
-        return fit_spline_map(section, lift, reading_covariance, options, &before);
-    }
-
-    static SplineMapFitOptions fine_options() {
-        SplineMapFitOptions options;
-        options.spacing = spacing;
-        options.first_share = options.last_share;
-        options.passes = 3;
-        return options;
     }
 
     // Accepted when it closes on the map, at no shorter period.
@@ -214,8 +187,8 @@ private:
     }
 
     CycleSearchOptions options_;
+    std::optional<SectionPoints> part_;
     const SectionPoints& section_;
-    SectionLift lift_;
     SplineMapFit coarse_;
     SplineMapFit fit_;
 };

@@ -4,6 +4,7 @@
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 
 #include <tbb/parallel_for.h>
@@ -184,6 +185,36 @@ SectionPoints::SectionPoints(const Series& series, const std::optional<std::vect
         image_count_ += images[b];
         if (too_many[b]) turns_known_ = false;
     }
+}
+
+SectionPoints SectionPoints::stretch(std::size_t first, std::size_t count) const {
+    SectionPoints part;
+    part.scale_ = scale_;
+    part.signs_ = signs_;
+    part.angle_ = angle_;
+    part.angle_count_ = angle_count_;
+    part.turns_known_ = turns_known_;
+    part.interrupted_ = interrupted_;
+    part.size_ = count;
+    const auto n = static_cast<std::size_t>(scale_.size()), per_error = 2 * n + 1;
+    part.values_ = std::make_unique_for_overwrite<double[]>(count * n);
+    std::copy_n(point(first), count * n, part.values_.get());
+    const auto cut = [&](const auto& whole, std::size_t per_point) {
+        using Part = std::decay_t<decltype(whole)>;
+        if (whole.empty()) return Part();
+        const auto begin = whole.begin() + static_cast<std::ptrdiff_t>(first * per_point);
+        return Part(begin, begin + static_cast<std::ptrdiff_t>(count * per_point));
+    };
+    part.turns_ = cut(turns_, angle_count_);
+    part.times_ = cut(times_, 1);
+    part.errors_ = cut(errors_, per_error);
+    part.has_image_.assign((count + 63) / 64, 0);
+    for (std::size_t i = 0; i + 1 < count; ++i) {
+        if (!has_image(first + i)) continue;
+        part.has_image_[i / 64] |= std::uint64_t{1} << (i % 64);
+        ++part.image_count_;
+    }
+    return part;
 }
 
 Eigen::MatrixXd SectionPoints::error_root(std::size_t i) const {

@@ -33,6 +33,9 @@ public:
     explicit SectionPoints(const Series& series, const std::optional<std::vector<double>>& signs = std::nullopt,
                            Eigen::VectorXd scale = {}, std::function<bool()> interrupted = {});
 
+    /// `count` successive points from `first` as a section of its own.
+    [[nodiscard]] SectionPoints stretch(std::size_t first, std::size_t count) const;
+
     [[nodiscard]] Eigen::Index dimension() const { return scale_.size(); }
     [[nodiscard]] std::size_t size() const { return size_; }
     [[nodiscard]] const double* point(std::size_t i) const {
@@ -89,6 +92,8 @@ public:
     [[nodiscard]] bool turns_known() const { return turns_known_; }
 
 private:
+    SectionPoints() = default;
+
     Eigen::VectorXd scale_;
     Eigen::VectorXd signs_;
     std::vector<char> angle_;

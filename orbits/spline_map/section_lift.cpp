@@ -250,22 +250,26 @@ double mirror_turns(const std::vector<double>& lifted, double sign) {
 
 }  // namespace
 
+Eigen::MatrixXd displacements_as_read(const SectionPoints& section) {
+    const Eigen::Index n = section.dimension();
+    Eigen::MatrixXd result = Eigen::MatrixXd::Constant(n, static_cast<Eigen::Index>(section.size()), std::nan(""));
+    for (std::size_t i = 0; i < section.size(); ++i) {
+        if (!section.has_image(i)) continue;
+        for (Eigen::Index d = 0; d < n; ++d)
+            result(d, static_cast<Eigen::Index>(i)) =
+                section.is_angle(d) && section.turns_known()
+                    ? section.advance(i, d)
+                    : section.difference(section.point(i + 1)[d], section.point(i)[d], d);
+    }
+    return result;
+}
+
 SectionLift lift_section(const SectionPoints& section, const NeighbourIndex& grid) {
     const Eigen::Index n = section.dimension();
-    SectionLift lift;
-    lift.displacement = Eigen::MatrixXd::Constant(n, static_cast<Eigen::Index>(section.size()), std::nan(""));
-    lift.offset = Eigen::VectorXd::Zero(n);
+    SectionLift lift{displacements_as_read(section), Eigen::VectorXd::Zero(n)};
     std::vector<Eigen::Index> unknown;  // angles of which the turns must be found
-    for (Eigen::Index d = 0; d < n; ++d) {
-        const bool is_angle = section.is_angle(d);
-        if (is_angle && !section.turns_known()) unknown.push_back(d);
-        for (std::size_t i = 0; i < section.size(); ++i)
-            if (section.has_image(i))
-                lift.displacement(d, static_cast<Eigen::Index>(i)) =
-                    is_angle && section.turns_known()
-                        ? section.advance(i, d)
-                        : section.difference(section.point(i + 1)[d], section.point(i)[d], d);
-    }
+    for (Eigen::Index d = 0; d < n; ++d)
+        if (section.is_angle(d) && !section.turns_known()) unknown.push_back(d);
     if (unknown.empty() || section.image_count() == 0) return lift;
 
     const Lifter lifter(section, grid);

@@ -15,6 +15,10 @@ struct SectionLift {
     double residual = 0.0;  ///< rms of local linear fits to the lifted angles' displacements, turns; 0 without angles
 };
 
+/// From every point to its image as read, angles the short way round unless the section counts turns: shape
+/// (n, points), scaled units; nan without an image.
+[[nodiscard]] Eigen::MatrixXd displacements_as_read(const SectionPoints& section);
+
 /// Continuous displacement D(x) = F(x) - x of the angles over the section.
 ///
 /// An angle's image is known up to whole turns. Linear fits on the k nearest neighbours (turns chosen anew at every

@@ -29,6 +29,7 @@ public:
           coefficients_(Eigen::VectorXd::Zero(basis_.unknowns())) {}
 
     [[nodiscard]] const SplineBasis& basis() const { return basis_; }
+    [[nodiscard]] const Eigen::VectorXd& offset() const { return offset_; }
     [[nodiscard]] const Eigen::VectorXd& coefficients() const { return coefficients_; }  ///< patch * n + coordinate
     void set_coefficients(Eigen::VectorXd coefficients) { coefficients_ = std::move(coefficients); }
 

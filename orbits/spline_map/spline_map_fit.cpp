@@ -19,32 +19,59 @@ namespace {
 // neighbours hold; what it leaves open shows in the covariance.
 constexpr double coefficient_ridge = 1e-2;
 
+// Points of a longer section are smoothed by the map of a shorter one this often before they have one of their own.
+constexpr int smoothing_passes = 8;
+
+Eigen::MatrixXd read_points(const SectionPoints& section) {
+    return Eigen::Map<const Eigen::MatrixXd>(section.point(0), section.dimension(),
+                                             static_cast<Eigen::Index>(section.size()));
+}
+
 class Fitter {
 public:
-    Fitter(const SectionPoints& section, const SectionLift& lift, const Eigen::MatrixXd& reading_covariance,
-           const SplineMapFitOptions& options)
+    // @param places  where the map is to be known, shape (n, any)
+    Fitter(const SectionPoints& section, const Eigen::MatrixXd& places, const Eigen::VectorXd& offset,
+           const Eigen::MatrixXd& reading_covariance, const SplineMapFitOptions& options)
         : section_(section),
-          lift_(lift),
           reading_(reading_covariance),
           options_(options),
           n_(section.dimension()),
-          fit_(SplineMap(SplineBasis(section, read_points(section), options.spacing), lift.offset, section.signs()),
+          fit_(SplineMap(SplineBasis(section, places, options.spacing), offset, section.signs()),
                1e-4 * reading_covariance.diagonal()) {
         fit_.states = read_points(section);
-        present_.resize(section.size());
-        for (std::size_t t = 0; t < section.size(); ++t)
-            present_[t] = section.has_image(t) ? 1 : 0;
         for (Eigen::Index d = 0; d < n_; ++d)
             roughness_.emplace_back(fit_.map.basis(), d);
         fit_.remaining.assign(section.size(), SmallMatrix(reading_));
     }
 
-    SplineMapFit run(const SplineMapFit* coarser) {
-        if (coarser && coarser->usable) {
-            fit_.states = coarser->states;
-            fit_.remaining = coarser->remaining;
+    SplineMapFit first(const SectionLift& lift) {
+        displacement_ = lift.displacement;
+        std::vector<char> present(section_.size());
+        for (std::size_t t = 0; t < section_.size(); ++t)
+            present[t] = section_.has_image(t) ? 1 : 0;
+        start(displacement_, present);
+        return run();
+    }
+
+    SplineMapFit next(const SplineMapFit& before) {
+        displacement_ = displacements_as_read(section_);
+        if (before.states.cols() == fit_.states.cols()) {
+            fit_.states = before.states;
+            fit_.remaining = before.remaining;
+        } else {
+            for (int pass = 0; pass < smoothing_passes; ++pass)
+                smooth_by(before, std::pow(options_.first_share, pass / (smoothing_passes - 1.0)));
         }
-        start(coarser && coarser->usable ? &coarser->map : nullptr);
+        Eigen::MatrixXd displacement = displacement_;
+        const std::vector<char> present = take_turns(before.map, displacement);
+        start(std::move(displacement), present);
+        return run();
+    }
+
+    SplineMapFit unusable() { return std::move(fit_); }
+
+private:
+    SplineMapFit run() {
         for (int pass = 0; pass < options_.passes && good_; ++pass) {
             const double fall = options_.passes > 1
                                     ? std::pow(options_.last_share / options_.first_share,
@@ -56,24 +83,16 @@ public:
         return std::move(fit_);
     }
 
-private:
-    static Eigen::MatrixXd read_points(const SectionPoints& section) {
-        return Eigen::Map<const Eigen::MatrixXd>(section.point(0), section.dimension(),
-                                                 static_cast<Eigen::Index>(section.size()));
-    }
-
     // Ordinary least squares: reading errors of the place neglected, variance of the rest from the residuals.
-    // @param coarser  tells an angle's turns better than the lift, where errors grow to half a turn; may be null
-    void start(const SplineMap* coarser) {
-        const SplineDesign design(fit_.map, fit_.states, present_, section_.interrupted());
+    // @param target  displacements with their turns
+    void start(Eigen::MatrixXd target, const std::vector<char>& present) {
+        const SplineDesign design(fit_.map, fit_.states, present, section_.interrupted());
         const std::vector<double> normal = design.normal_matrix(nullptr);
-        Eigen::MatrixXd target = lift_.displacement;
         for (Eigen::Index t = 0; t < target.cols(); ++t)
-            if (present_[static_cast<std::size_t>(t)])
-                target.col(t) += image_shift(t) - lift_.offset;
+            if (present[static_cast<std::size_t>(t)])
+                target.col(t) += image_shift(t) - fit_.map.offset();
             else
                 target.col(t).setZero();
-        if (coarser) take_turns(*coarser, target);
         const Eigen::VectorXd right = design.gathered(target);
         const double scale = mean_diagonal(normal);
         Eigen::VectorXd variance = Eigen::VectorXd::Ones(n_);
@@ -104,17 +123,22 @@ private:
         good_ = fit_.unexplained < options_.largest_unexplained;
     }
 
-    // Turns of displacements (less the offset) nearest to a map.
-    void take_turns(const SplineMap& map, Eigen::MatrixXd& target) const {
+    // Turns of displacements nearest to a map. Returns which points have an image and lie where the map is known.
+    std::vector<char> take_turns(const SplineMap& map, Eigen::MatrixXd& displacement) const {
+        std::vector<char> known(section_.size(), 0);
         MapValue value;
-        for (Eigen::Index t = 0; t < target.cols(); ++t) {
-            if (!present_[static_cast<std::size_t>(t)]) continue;
+        for (Eigen::Index t = 0; t < displacement.cols(); ++t) {
+            const auto i = static_cast<std::size_t>(t);
+            if (!section_.has_image(i)) continue;
             map.evaluate(fit_.states.col(t).data(), 1, value);
+            known[i] = value.inside ? 1 : 0;
             if (!value.inside) continue;
+            const Eigen::VectorXd shift = image_shift(t);
             for (Eigen::Index d = 0; d < n_; ++d)
                 if (section_.is_angle(d))
-                    target(d, t) -= std::nearbyint(target(d, t) + lift_.offset[d] - value.displacement[d]);
+                    displacement(d, t) -= std::nearbyint(displacement(d, t) + shift[d] - value.displacement[d]);
         }
+        return known;
     }
 
     // Variance of third differences that are as good as none: a hundredth of the reading error, squared.
@@ -143,16 +167,22 @@ private:
         return squares / count - sum * sum / (count * count);
     }
 
-    void improve(int pass, double model_share) {
-        const bool last = pass + 1 == options_.passes;
+    /// Errors in points and images about a map, and what the map leaves over.
+    struct Residuals {
+        ReadingSmoother smoother;
+        Eigen::MatrixXd residual;
+        std::vector<char> present;
+    };
+
+    [[nodiscard]] Residuals residuals(const SplineMap& map, const PatchModelError& model_error, double share) const {
         const std::size_t count = section_.size();
-        const double share2 = model_share * model_share;
         std::vector<SeriesStep> steps(count);
         tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 256),
                           [&](const tbb::blocked_range<std::size_t>& range) {
                               MapValue value;
                               for (std::size_t t = range.begin(); t < range.end(); ++t)
-                                  if (present_[t]) steps[t] = linearised(t, share2, value);
+                                  if (section_.has_image(t))
+                                      steps[t] = linearised(t, map, model_error, share * share, value);
                           });
         Eigen::MatrixXd residual = Eigen::MatrixXd::Zero(n_, static_cast<Eigen::Index>(count));
         std::vector<char> present(count, 0);
@@ -161,8 +191,18 @@ private:
             residual.col(static_cast<Eigen::Index>(t)) = steps[t].residual;
             present[t] = 1;
         }
-        const ReadingSmoother smoother(std::move(steps), reading_, options_.gate);
+        return {ReadingSmoother(std::move(steps), reading_, options_.gate), std::move(residual), std::move(present)};
+    }
 
+    // States by a map that was fitted to other points.
+    void smooth_by(const SplineMapFit& other, double share) {
+        const auto [smoother, residual, present] = residuals(other.map, other.model_error, share);
+        move_states(smoother, smoother.weighted(residual));
+    }
+
+    void improve(int pass, double model_share) {
+        const bool last = pass + 1 == options_.passes;
+        auto [smoother, residual, present] = residuals(fit_.map, fit_.model_error, model_share);
         const SplineDesign design(fit_.map, fit_.states, present, section_.interrupted());
         const std::vector<double> normal = design.normal_matrix(&smoother);
         Eigen::VectorXd step = design.gathered(smoother.weighted(residual));
@@ -203,16 +243,17 @@ private:
         fit_.map.set_coefficients(c + pull);
     }
 
-    SeriesStep linearised(std::size_t t, double share2, MapValue& value) const {
+    SeriesStep linearised(std::size_t t, const SplineMap& map, const PatchModelError& model_error, double share2,
+                          MapValue& value) const {
         section_.stop_if_asked();
         SeriesStep step;
         const auto at = static_cast<Eigen::Index>(t);
-        fit_.map.evaluate(fit_.states.col(at).data(), 2, value);
+        map.evaluate(fit_.states.col(at).data(), 2, value);
         if (!value.inside) return step;
         step.present = true;
         step.jacobian = value.jacobian;
         step.model = share2 * reading_;
-        step.model.diagonal() += fit_.model_error.variance(fit_.map.basis(), fit_.states.col(at).data());
+        step.model.diagonal() += model_error.variance(map.basis(), fit_.states.col(at).data());
         SmallVector moved(n_);
         std::array<SmallMatrix, 4> curved;
         for (Eigen::Index d = 0; d < n_; ++d) {
@@ -223,7 +264,7 @@ private:
             for (Eigen::Index b = 0; b < n_; ++b)
                 step.model(a, b) +=
                     0.5 * (curved[static_cast<std::size_t>(a)] * curved[static_cast<std::size_t>(b)]).trace();
-        step.residual = lift_.displacement.col(at) - value.displacement + moved;
+        step.residual = displacement_.col(at) - value.displacement + moved;
         // Turns by the smoothed point: errors of the one that was read may grow to more than half a turn.
         for (Eigen::Index d = 0; d < n_; ++d)
             if (section_.is_angle(d)) step.residual[d] -= std::nearbyint(step.residual[d]);
@@ -268,22 +309,26 @@ private:
     }
 
     const SectionPoints& section_;
-    const SectionLift& lift_;
     SmallMatrix reading_;
     SplineMapFitOptions options_;
     Eigen::Index n_;
     SplineMapFit fit_;
     std::vector<SplineRoughness> roughness_;
-    std::vector<char> present_;
+    Eigen::MatrixXd displacement_;  ///< from every point to its image, turns of angles any
     bool good_ = true;
 };
 
 }  // namespace
 
 SplineMapFit fit_spline_map(const SectionPoints& section, const SectionLift& lift,
-                            const Eigen::MatrixXd& reading_covariance, const SplineMapFitOptions& options,
-                            const SplineMapFit* coarser) {
-    return Fitter(section, lift, reading_covariance, options).run(coarser);
+                            const Eigen::MatrixXd& reading_covariance, const SplineMapFitOptions& options) {
+    return Fitter(section, read_points(section), lift.offset, reading_covariance, options).first(lift);
+}
+
+SplineMapFit fit_spline_map(const SectionPoints& section, const SplineMapFit& before,
+                            const Eigen::MatrixXd& reading_covariance, const SplineMapFitOptions& options) {
+    Fitter fitter(section, before.states, before.map.offset(), reading_covariance, options);
+    return before.usable ? fitter.next(before) : fitter.unusable();
 }
 
 }  // namespace orbid::orbits

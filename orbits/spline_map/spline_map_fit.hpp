@@ -39,9 +39,19 @@ struct SplineMapFitOptions {
     double largest_unexplained = 0.25;
 };
 
+/// The first map of a section.
+///
 /// @param reading_covariance  S, shape (n, n), scaled units.
 [[nodiscard]] SplineMapFit fit_spline_map(const SectionPoints& section, const SectionLift& lift,
-                                          const Eigen::MatrixXd& reading_covariance, const SplineMapFitOptions& options,
-                                          const SplineMapFit* coarser = nullptr);
+                                          const Eigen::MatrixXd& reading_covariance,
+                                          const SplineMapFitOptions& options);
+
+/// The next map, of the same section or of a longer one. It begins at the states that were smoothed by the one before,
+/// which also tells the turns of angles: better than a lift where errors grow to half a turn.
+///
+/// @return not usable if the one before is not
+[[nodiscard]] SplineMapFit fit_spline_map(const SectionPoints& section, const SplineMapFit& before,
+                                          const Eigen::MatrixXd& reading_covariance,
+                                          const SplineMapFitOptions& options);
 
 }  // namespace orbid::orbits

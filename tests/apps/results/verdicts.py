@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Twenty records, and what the verdict must say of each.
+"""Twenty-one records, and what the verdict must say of each.
 
 verdicts.py ORBID CONFIGS [NAME ...]
 
-Fourteen are made here from closed forms, each with one fault; six are real ones, by their jobs in CONFIGS. A verdict
+Fifteen are made here, each with one fault; six are real ones, by their jobs in CONFIGS. A verdict
 must have its level and name the reason. Jobs are made quick: no draws, no marginals, no comparison of models.
 """
 
@@ -88,6 +88,16 @@ def decay(t):
     return math.exp(-0.5 * t)
 
 
+# Dry friction makes kinks in the map of a section, of which a smooth map of noisy points knows nothing.
+DRY_CYCLES = {
+    "model": {"name": "parametric_pendulum", "parameters": {"k1": 1e-3}},
+    "data": {"name": "run", "simulate": {"sections": 4000, "trajectories": 1, "transient": 20,
+                                         "noise": {"phi": 0.0126, "phi_dot": 0.0586}}},
+    "orbits": {"periods": [1, 2], "method": "patch_map"},
+    "estimate": {"parameters": {"l": {}, "k2": {}}, "residuals": [{"type": "cycles"}]},
+    "output": {"series": "none"},
+}
+
 # name: (level, what the reasons must hold, job)
 MADE = {
     "a good fit": ("all", "", job(OSCILLATOR, OSC, readings(swing, 200, 0.1, 0.02))),
@@ -112,6 +122,7 @@ MADE = {
                                      job(SATURATION, {"V": {"start": 50.0}, "K": {"start": 100.0}},
                                          readings(lambda t: 0.001 * decay(t), 60, 0.1, 0.0001))),
     "a failed prediction": ("none", "outside the fit", prediction()),
+    "cycles of a smooth map, dry friction": ("none", "blurs what k1 does; add a stage", (DRY_CYCLES, None)),
     "readings without errors": ("values", "held at its limit", job(DECAY, {"k": {"start": 1.0}},
                                                                    readings(decay, 60, 0.1, 0.0))),
 }

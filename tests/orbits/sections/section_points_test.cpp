@@ -55,6 +55,35 @@ TEST_CASE("points of a section keep readings, images and turns over segments of 
     CHECK_THAT(largest, WithinAbs(0.0, 2e-14));
 }
 
+TEST_CASE("a stretch of a section has its points, images and turns, and no image at its end",
+          "[orbits][section_points]") {
+    Eigen::MatrixXd values = 20.0 * Eigen::MatrixXd::Random(2, 200);
+    values(1, 130) = std::nan("");
+    const SectionPoints points(
+        tests::section_series({{"a", "rad", true}, {"y", "", false}}, {values.leftCols(90), values.rightCols(110)}),
+        std::vector<double>{-1.0, -1.0});
+    constexpr std::size_t first = 61, count = 120;
+    const SectionPoints part = points.stretch(first, count);
+    REQUIRE(part.size() == count);
+    CHECK(part.scale() == points.scale());
+    CHECK(part.signs() == points.signs());
+    CHECK(part.turns_known());
+    std::size_t images = 0, wrong = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        const bool image = i + 1 < count && points.has_image(first + i);
+        images += image ? 1 : 0;
+        wrong += part.has_image(i) == image ? 0 : 1;
+        if (!image) continue;
+        wrong += part.point(i)[0] == points.point(first + i)[0] && part.point(i)[1] == points.point(first + i)[1] &&
+                         part.advance(i, 0) == points.advance(first + i, 0)
+                     ? 0
+                     : 1;
+    }
+    CHECK(wrong == 0);
+    CHECK(part.image_count() == images);
+    CHECK(images == 120 - 1 - 1 - 2);
+}
+
 TEST_CASE("turns are unknown where they are read wrapped or are too many", "[orbits][section_points]") {
     Eigen::MatrixXd values = Eigen::MatrixXd::Random(1, 100);
     CHECK_FALSE(SectionPoints(tests::section_series({{"a", "rad", true}}, {values})).turns_known());
