@@ -228,7 +228,8 @@ public:
         if (!cycles_.cycles.empty()) count_cycles(cycles_, context);
         const orbits::CycleSearch& search = cycles_.cycles.empty() ? problem_.measured.search : cycles_;
         context.cycles_share_errors = best.residuals.cycles && problem_.measured.shares_unknown_errors(search.cycles);
-        if (best.residuals.cycles && search.spline_map) context.blurred_jumps = causes_of_jumps(work_.job);
+        if (best.residuals.cycles && best.residuals.series.empty() && search.spline_map)
+            context.blurred_jumps = causes_of_jumps(work_.job);
         const std::vector<ResidualRow> rows = describe_records(work_, problem_, setup_, search, best, context);
         context.unexplained = unexplained_spread(rows);
         context.whole_segments = !best.residuals.series.empty();

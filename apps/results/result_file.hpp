@@ -68,7 +68,7 @@ struct ResultContext {
     std::map<int, std::size_t> orbits_found;  ///< period -> cycles
     std::vector<int> orbits_missing;
     bool cycles_share_errors = false;  ///< the estimate uses cycles whose common errors are not known
-    /// The estimate uses cycles of one smooth map, and the model jumps: by these parameters. Empty: not so.
+    /// What makes the model jump, if the estimate uses cycles of one smooth map and no series; else empty.
     std::string blurred_jumps;
     std::size_t data_points = 0;
     std::size_t data_segments = 0;

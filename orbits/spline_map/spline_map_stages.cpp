@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "orbits/sections/neighbour_index.hpp"
@@ -27,6 +28,13 @@ constexpr std::size_t largest_part = 32768;
 // range 2^17 points have 46, and nearly all cycles are true. With 2^20 some are lost, and an eighth is false.
 constexpr double most_per_error = 48.0;
 
+bool turns_must_be_told(const SectionPoints& section) {
+    bool angles = false;
+    for (Eigen::Index d = 0; d < section.dimension(); ++d)
+        angles = angles || section.is_angle(d);
+    return angles && !section.turns_known();
+}
+
 SplineMapFitOptions coarse_options() {
     SplineMapFitOptions options;
     options.spacing = coarse_patches;
@@ -41,13 +49,14 @@ SplineMapFit staged_map(const SectionPoints& section, const Eigen::MatrixXd& rea
     options.spacing = widest_patches;
     options.last_share = first_share;
     const SectionLift lift = lift_section(section, NeighbourIndex(section));
-    const SplineMapFit first = fit_spline_map(section, lift, reading_covariance, options);
+    SplineMapFit first = fit_spline_map(section, lift, reading_covariance, options);
     options.first_share = options.last_share = coarse_share;
-    const auto next = [&](const SplineMapFit& before, const SplineMapFitOptions& next_options) {
+    const auto next = [&](SplineMapFit before, const SplineMapFitOptions& next_options) {
+        before.root = {};  // large, and of no use for the next
         return before.usable ? fit_spline_map(section, before, reading_covariance, next_options)
                              : fit_spline_map(section, lift, reading_covariance, next_options);
     };
-    return next(next(first, options), coarse_options());
+    return next(next(std::move(first), options), coarse_options());
 }
 
 // Mean difference of two maps at some states, those beyond one of them left out.
@@ -86,10 +95,7 @@ std::size_t most_typical(const SectionPoints& section, const std::vector<SplineM
 }  // namespace
 
 std::optional<SectionPoints> useful_stretch(const SectionPoints& section, const Eigen::MatrixXd& reading_covariance) {
-    bool angles = false;
-    for (Eigen::Index d = 0; d < section.dimension(); ++d)
-        angles = angles || section.is_angle(d);
-    if (!angles || section.turns_known()) return std::nullopt;
+    if (!turns_must_be_told(section)) return std::nullopt;
     const double most = most_per_error / reading_covariance.diagonal().cwiseSqrt().prod();
     const double useful = std::max(most, 2.0 * static_cast<double>(least_part));
     if (static_cast<double>(section.size()) <= useful) return std::nullopt;
@@ -97,14 +103,16 @@ std::optional<SectionPoints> useful_stretch(const SectionPoints& section, const 
 }
 
 SplineMapFit coarse_spline_map(const SectionPoints& section, const Eigen::MatrixXd& reading_covariance) {
-    if (section.size() < 2 * least_part) return staged_map(section, reading_covariance);
+    if (!turns_must_be_told(section) || section.size() < 2 * least_part) return staged_map(section, reading_covariance);
     const std::size_t length = std::min(section.size() / 2, largest_part);
     std::vector<SectionPoints> parts;  // outlive their maps, which refer to them
     for (std::size_t k = 0; k < part_count; ++k)
         parts.push_back(section.stretch(k * (section.size() - length) / (part_count - 1), length));
     std::vector<SplineMapFit> fits;
-    for (const SectionPoints& part : parts)
+    for (const SectionPoints& part : parts) {
         fits.push_back(staged_map(part, reading_covariance));
+        fits.back().root = {};
+    }
     return fit_spline_map(section, fits[most_typical(section, fits)], reading_covariance, coarse_options());
 }
 

@@ -20,7 +20,8 @@ namespace orbid::orbits {
 /// the points step by step.
 ///
 /// Where errors grow to half a turn, the turns that one part of a record tells may be wrong in places. Of a long record
-/// four parts have maps of their own, and the one that differs least from the others, where their courses were, begins.
+/// whose turns must be told four parts have maps of their own. The one begins that differs least from the others, where
+/// their courses were.
 [[nodiscard]] SplineMapFit coarse_spline_map(const SectionPoints& section, const Eigen::MatrixXd& reading_covariance);
 
 /// The finest map, which refers to the section. Not usable if the coarse one is not.
